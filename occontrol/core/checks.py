@@ -1,0 +1,70 @@
+"""One checker and one sentence style for every matrix that a user gives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from occontrol.core.errors import Mistake, Path
+from occontrol.core.signal import Signal
+
+ASYMMETRY = 1e-9
+NEGATIVE = 1e-10
+
+
+def check_shape(name: str, shape: tuple[int, int], rows: int | None, columns: int | None, path: Path, hint: str = "") -> list[Mistake]:
+    """Compare a shape with the wanted one; None is any."""
+    wrong = (rows is not None and shape[0] != rows) or (columns is not None and shape[1] != columns)
+    if not wrong:
+        return []
+    wanted = f"{'m' if rows is None else rows}x{'m' if columns is None else columns}"
+    return [Mistake(path, f"{name} is {shape[0]}x{shape[1]}, it must be {wanted}", hint)]
+
+
+def check_covariance(name: str, matrix: np.ndarray, path: Path, definite: bool = False, when: str = "") -> list[Mistake]:
+    """Finite, symmetric to 1e-9 relative and positive semidefinite (or definite); names the eigenvalue."""
+    if not np.all(np.isfinite(matrix)):
+        return [Mistake(path, f"{name} is not finite{when}")]
+    if matrix.shape[0] != matrix.shape[1]:
+        return [Mistake(path, f"{name} is {matrix.shape[0]}x{matrix.shape[1]}, it must be square")]
+    if matrix.size == 0:
+        return []
+    scale = float(np.max(np.abs(matrix)))
+    if np.max(np.abs(matrix - matrix.T)) > ASYMMETRY * scale:
+        i, j = np.unravel_index(int(np.argmax(np.abs(matrix - matrix.T))), matrix.shape)
+        what = f"{name} is not symmetric{when}: entry [{i + 1},{j + 1}] is {matrix[i, j]:g}, [{j + 1},{i + 1}] is {matrix[j, i]:g}"
+        return [Mistake(path, what)]
+    eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
+    smallest, largest = float(eigenvalues[0]), max(float(eigenvalues[-1]), 0.0)
+    if definite and smallest <= 1e-14 * largest:
+        return [Mistake(path, f"{name} is not positive definite{when}: its smallest eigenvalue is {smallest:g}")]
+    if smallest < -NEGATIVE * max(largest, -smallest * 1e-3):
+        return [Mistake(path, f"{name} is not positive semidefinite{when}: its smallest eigenvalue is {smallest:g}")]
+    return []
+
+
+def check_finite(name: str, signal: Signal, times: np.ndarray, path: Path, variable: str = "t") -> list[Mistake]:
+    """Evaluate a signal on a grid; name the first time at which it is not finite."""
+    values = signal.sample(times)
+    bad = ~np.all(np.isfinite(values), axis=(1, 2))
+    if not np.any(bad):
+        return []
+    k = int(np.argmax(bad))
+    i, j = np.argwhere(~np.isfinite(values[k]))[0]
+    where = f"entry [{i + 1},{j + 1}] is {values[k, i, j]}"
+    return [Mistake(path, f"{name} is not finite at {variable} = {times[k]:.6g}: {where}", "it must be finite over the whole horizon")]
+
+
+def check_covariance_signal(
+    name: str, signal: Signal, times: np.ndarray, path: Path, definite: bool = False, variable: str = "t"
+) -> list[Mistake]:
+    """`check_covariance` at every time of the grid; the first failure is reported with its time."""
+    if signal.constant:
+        return check_covariance(name, signal.at(0.0), path, definite)
+    mistakes = check_finite(name, signal, times, path, variable)
+    if mistakes:
+        return mistakes
+    for t, value in zip(times, signal.sample(times), strict=True):
+        found = check_covariance(name, value, path, definite, f" at {variable} = {t:.6g}")
+        if found:
+            return found
+    return []

@@ -1,0 +1,121 @@
+"""Mistakes in what the user gave, and numerical failures.
+
+A mistake names the place by a path of keys and indices into the problem document, for example
+``("sensors", 2, "C")``; the file reader turns such a path into file:line:column.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One thing that is wrong: where (a path into the problem), what, and how to mend it.
+
+    `key` points at the key itself rather than at its value (unknown or repeated keys).
+    `place` is filled in by the file reader: "problems/x.yaml:14:11".
+    """
+
+    path: Path
+    what: str
+    hint: str = ""
+    key: bool = False
+    place: str = ""
+
+    def under(self, *prefix: str | int) -> Mistake:
+        """The same mistake, seen from further up the document."""
+        return replace(self, path=(*prefix, *self.path))
+
+    def __str__(self) -> str:
+        place = self.place or spell_path(self.path)
+        text = f"{place}: {self.what}" if place else self.what
+        return f"{text}\n  hint: {self.hint}" if self.hint else text
+
+
+def spell_path(path: Sequence[str | int]) -> str:
+    """("sensors", 2, "C") as the user would write it: sensors[2].C"""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else (f".{step}" if text else step)
+    return text
+
+
+class OccontrolError(Exception):
+    """Any error that a user can cause; `exit_code` is what the command line returns."""
+
+    exit_code = 6
+
+
+class ProblemError(OccontrolError):
+    """The problem, schedule or measurement data is wrong; carries every mistake that was found."""
+
+    exit_code = 3
+
+    def __init__(self, mistakes: Iterable[Mistake] | Mistake | str, hint: str = ""):
+        if isinstance(mistakes, str):
+            mistakes = Mistake((), mistakes, hint)
+        self.mistakes = [mistakes] if isinstance(mistakes, Mistake) else list(mistakes)
+        super().__init__("\n".join(str(m) for m in self.mistakes))
+
+
+class UsageError(OccontrolError):
+    """An unknown method, format or option."""
+
+    exit_code = 2
+
+
+class InfeasibleError(OccontrolError):
+    """No schedule exists, with the reason (for example the time at which no sensor is available)."""
+
+    exit_code = 4
+
+
+class SolveFailed(OccontrolError):
+    """A solver ended with nothing usable; the text names the knob to turn."""
+
+    exit_code = 6
+
+
+class FileAccessError(OccontrolError):
+    """A file cannot be read or written."""
+
+    exit_code = 8
+
+
+class Collector:
+    """Gathers mistakes so that several are reported together.
+
+    >>> with collector.under("plant"):          # doctest: +SKIP
+    ...     plant = LinearPlant(...)            # a ProblemError raised here is kept, and its paths are prefixed
+    """
+
+    def __init__(self) -> None:
+        self.mistakes: list[Mistake] = []
+
+    def add(self, path: Path, what: str, hint: str = "", key: bool = False) -> None:
+        self.mistakes.append(Mistake(path, what, hint, key))
+
+    def under(self, *prefix: str | int) -> _Under:
+        return _Under(self, prefix)
+
+    def raise_if_any(self) -> None:
+        if self.mistakes:
+            raise ProblemError(self.mistakes)
+
+
+class _Under:
+    def __init__(self, collector: Collector, prefix: Path):
+        self.collector, self.prefix = collector, prefix
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind, error, trace) -> bool:
+        if isinstance(error, ProblemError):
+            self.collector.mistakes += [m.under(*self.prefix) for m in error.mistakes]
+            return True
+        return False

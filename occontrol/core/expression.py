@@ -1,0 +1,174 @@
+"""Scalar expressions such as '0.95*(sin(0.01*t)+0.1)', through an AST whitelist straight to CasADi.
+
+Nothing is ever evaluated by Python: the text is parsed to a syntax tree, every node is checked against a short list,
+and the tree is rebuilt from CasADi operations. Numbers become floats at once, so '9**9**9' overflows to infinity
+instead of occupying the machine.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import math
+import operator
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+from occontrol.core.errors import ProblemError
+
+MAX_LENGTH = 10_000
+MAX_DEPTH = 100
+MAX_NODES = 5_000
+
+CONSTANTS = {"pi": math.pi, "e": math.e}
+
+# name: (CasADi function, fewest arguments, most arguments); most = 0 means any number
+FUNCTIONS: dict[str, tuple[str, int, int]] = {
+    **{name: (name, 1, 1) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign", "floor")},
+    **{name: (name, 1, 1) for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh", "log10", "ceil", "erf")},
+    "abs": ("fabs", 1, 1),
+    "atan2": ("atan2", 2, 2),
+    "hypot": ("hypot", 2, 2),
+    "min": ("fmin", 2, 0),
+    "max": ("fmax", 2, 0),
+}
+_BINARY = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+
+
+def _fail(text: str, what: str, hint: str = "") -> ProblemError:
+    shown = text if len(text) <= 60 else text[:57] + "..."
+    return ProblemError(f"expression '{shown}' {what}", hint)
+
+
+def _suggest(name: str, known: Sequence[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean '{close[0]}'?" if close else "known names: " + ", ".join(known)
+
+
+def _parse(text: str) -> ast.expr:
+    if len(text) > MAX_LENGTH:
+        raise _fail(text, f"has {len(text)} characters, the limit is {MAX_LENGTH}", "use a table: {times: ..., values: ...}")
+    depth = deepest = 0
+    for c in text:
+        depth += (c in "([{") - (c in ")]}")
+        deepest = max(deepest, depth)
+    if deepest > MAX_DEPTH:
+        raise _fail(text, f"nests {deepest} parentheses, the limit is {MAX_DEPTH}")
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise _fail(text, "is not a formula", f"syntax: {getattr(error, 'msg', error)}") from None
+    count, level, nodes = 0, 0, [tree]
+    while nodes:
+        level += 1
+        count += len(nodes)
+        if count > MAX_NODES:
+            raise _fail(text, f"has more than {MAX_NODES} terms", "use a table: {times: ..., values: ...}")
+        if level > 4 * MAX_DEPTH:
+            # long sums lean to the left, one level a term
+            raise _fail(text, f"has more than {4 * MAX_DEPTH} terms in a row", "group terms with parentheses, or use a table")
+        nodes = [child for node in nodes for child in ast.iter_child_nodes(node)]
+    return tree
+
+
+class Expression:
+    """A checked scalar formula of named variables.
+
+    Parameters
+    ----------
+    text : str
+        The formula: + - * / **, parentheses, numbers, pi, e, the functions in `FUNCTIONS`.
+    variables : sequence of str
+        The names that it may use, e.g. ("t",).
+
+    Raises ProblemError when anything else stands in the text.
+    """
+
+    def __init__(self, text: str, variables: Sequence[str] = ("t",)):
+        self.text, self.variables = text, tuple(variables)
+        self._tree = _parse(text)
+        self.used: frozenset[str] = frozenset()
+        self._check()
+
+    def _check(self) -> None:
+        used = set()
+        callees = set()
+        for node in ast.walk(self._tree):
+            if isinstance(node, ast.Constant):
+                if type(node.value) not in (int, float):
+                    raise _fail(self.text, f"contains {node.value!r}, which is not a number")
+                try:
+                    finite = math.isfinite(float(node.value))
+                except OverflowError:
+                    finite = False
+                if not finite:
+                    raise _fail(self.text, "contains a number that is not finite")
+            elif isinstance(node, ast.Call):
+                if not isinstance(node.func, ast.Name) or node.keywords:
+                    raise _fail(self.text, "calls something that is not a plain function", "functions: " + ", ".join(sorted(FUNCTIONS)))
+                name, given = node.func.id, len(node.args)
+                if name not in FUNCTIONS:
+                    raise _fail(self.text, f"calls the unknown function '{name}'", _suggest(name, sorted(FUNCTIONS)))
+                _, fewest, most = FUNCTIONS[name]
+                if given < fewest or (most and given > most):
+                    wanted = str(fewest) if most == fewest else f"at least {fewest}"
+                    raise _fail(self.text, f"gives {name} {given} argument{'s' * (given != 1)}, it takes {wanted}")
+                callees.add(node.func)
+            elif isinstance(node, ast.Name):
+                if node in callees:
+                    continue
+                if node.id in self.variables:
+                    used.add(node.id)
+                elif node.id not in CONSTANTS:
+                    hint = _suggest(node.id, [*self.variables, *CONSTANTS])
+                    if node.id in FUNCTIONS:
+                        hint = f"'{node.id}' is a function: write {node.id}(...)"
+                    raise _fail(self.text, f"uses the unknown name '{node.id}'", hint)
+            elif isinstance(node, ast.BinOp):
+                if type(node.op) not in _BINARY:
+                    hint = "write ** for a power" if isinstance(node.op, ast.BitXor) else "operators: + - * / **"
+                    raise _fail(self.text, "uses an operator that is not allowed", hint)
+            elif isinstance(node, ast.UnaryOp):
+                if not isinstance(node.op, ast.USub | ast.UAdd):
+                    raise _fail(self.text, "uses an operator that is not allowed", "operators: + - * / **")
+            elif isinstance(node, ast.Attribute):
+                raise _fail(self.text, f"uses '.{node.attr}': attributes are not allowed", "write sin(t), not math.sin(t)")
+            elif not isinstance(node, ast.operator | ast.unaryop | ast.expr_context):
+                raise _fail(self.text, f"contains something that is not a formula ({type(node).__name__})")
+        self.used = frozenset(used)
+
+    def casadi(self, symbols: dict[str, Any]) -> Any:
+        """The formula rebuilt over CasADi symbols, one for each name in `variables`."""
+        import casadi
+
+        def build(node: ast.expr) -> Any:
+            if isinstance(node, ast.Constant):
+                return casadi.SX(float(node.value))  # type: ignore[arg-type]
+            if isinstance(node, ast.Name):
+                return symbols[node.id] if node.id in symbols else casadi.SX(CONSTANTS[node.id])
+            if isinstance(node, ast.BinOp):
+                return _BINARY[type(node.op)](build(node.left), build(node.right))
+            if isinstance(node, ast.UnaryOp):
+                return -build(node.operand) if isinstance(node.op, ast.USub) else build(node.operand)
+            assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+            function = getattr(casadi, FUNCTIONS[node.func.id][0])
+            values = [build(a) for a in node.args]
+            result = function(*values[:2]) if len(values) > 1 else function(values[0])
+            for value in values[2:]:
+                result = function(result, value)
+            return result
+
+        return build(self._tree)
+
+
+@lru_cache(maxsize=4096)
+def parse_expression(text: str, variables: tuple[str, ...] = ("t",)) -> Expression:
+    """`Expression(text, variables)`, remembered: problem files repeat the same few formulas."""
+    return Expression(text, variables)

@@ -1,0 +1,92 @@
+"""Plants: what moves, what drives it, and what is known at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.checks import check_covariance, check_shape
+from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.signal import Signal, as_signal
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPlant:
+    """A linear plant driven by white noise and a known input.
+
+    dx/dt = A(t) x + B(t) u(t) + xi,   cov xi = Xi(t) delta,   E x(t0) = mean,   cov x(t0) = covariance
+
+    Parameters
+    ----------
+    A : (n, n) 1/time; number, rows, array, formulas of t, or a Signal
+    noise : (n, n) intensity Xi, [state unit]^2/time, symmetric positive semidefinite
+    covariance : (n, n) initial error covariance, symmetric positive semidefinite (may be singular)
+    mean : (n,) initial mean; zero if left out
+    B : (n, r) input matrix, optional
+    input : (r,) entries u(t), numbers or formulas of t; needed when B is given
+
+    Raises ProblemError naming every matrix of the wrong shape or definiteness.
+    Athans (1971), equations (2.1)-(2.8).
+    """
+
+    A: Any
+    noise: Any
+    covariance: Any
+    mean: Any = None
+    B: Any = None
+    input: Any = None
+
+    def __post_init__(self) -> None:
+        found = Collector()
+        for name in ("A", "noise", "B", "input"):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            with found.under(name):
+                if name == "input" and isinstance(value, list | tuple | np.ndarray) and np.ndim(value) == 1:
+                    value = [[entry] for entry in value]
+                object.__setattr__(self, name, as_signal(value))
+        with found.under("covariance"):
+            object.__setattr__(self, "covariance", as_signal(self.covariance).at(0.0))
+        found.raise_if_any()
+        n = self.A.shape[0]
+        mean = np.zeros(n) if self.mean is None else np.atleast_1d(np.asarray(self.mean, dtype=float)).ravel()
+        object.__setattr__(self, "mean", mean)
+        mistakes = check_shape("A", self.A.shape, n, n, ("A",), "A is square: one row and one column per state")
+        hint = f"the plant has {n} state{'s' * (n != 1)}"
+        mistakes += check_shape("noise", self.noise.shape, n, n, ("noise",), hint)
+        wrong = check_shape("covariance", self.covariance.shape, n, n, ("covariance",), hint)
+        mistakes += wrong or check_covariance("covariance", self.covariance, ("covariance",))
+        if len(mean) != n:
+            mistakes.append(Mistake(("mean",), f"mean has {len(mean)} entries, the plant has {n} states", "one entry per state"))
+        elif not np.all(np.isfinite(mean)):
+            mistakes.append(Mistake(("mean",), "mean is not finite"))
+        if self.B is not None:
+            mistakes += check_shape("B", self.B.shape, n, None, ("B",), hint)
+            if self.input is None:
+                mistakes.append(Mistake(("B",), "B is given without input", "add input: [..], one entry per column of B"))
+            else:
+                mistakes += check_shape("input", self.input.shape, self.B.shape[1], 1, ("input",), "one entry per column of B")
+        elif self.input is not None:
+            mistakes.append(Mistake(("input",), "input is given without B", "add B, one column per entry of input"))
+        if mistakes:
+            raise ProblemError(mistakes)
+
+    @property
+    def states(self) -> int:
+        """The number n of states."""
+        return self.A.shape[0]
+
+    @property
+    def signals(self) -> dict[str, Signal]:
+        """The time functions of the plant, by name."""
+        named = {"A": self.A, "noise": self.noise, "B": self.B, "input": self.input}
+        return {name: signal for name, signal in named.items() if signal is not None}
+
+
+def state_names(count: int) -> Sequence[str]:
+    """x1, x2, ... as they are called in every output file."""
+    return [f"x{i + 1}" for i in range(count)]

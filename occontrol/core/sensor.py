@@ -1,0 +1,132 @@
+"""Sensors and suites of sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.signal import ConstantSignal, Signal, as_signal
+
+IDLE = "idle"
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """One sensor (or a group that reports together).
+
+    z = C(t) x + theta,   cov theta = Theta(t) delta,   cost rate q(t) >= 0
+
+    Parameters
+    ----------
+    name : str, unique within a suite
+    C : (m, n) number, rows, array, formulas of t, or a Signal
+    noise : (m, m) intensity Theta, [measurement unit]^2 * time, symmetric positive definite
+    cost : cost rate q, cost/time, a number or a formula of t
+    windows : list of (start, end) inside which the sensor may be used; None is always
+
+    Athans (1971), equations (2.9)-(2.15).
+    """
+
+    name: str
+    C: Any
+    noise: Any
+    cost: Any = 0.0
+    windows: Sequence[tuple[float, float]] | None = None
+
+    def __post_init__(self) -> None:
+        found = Collector()
+        for name in ("C", "noise", "cost"):
+            with found.under(name):
+                object.__setattr__(self, name, as_signal(getattr(self, name)))
+        found.raise_if_any()
+        mistakes = []
+        m = self.C.shape[0]
+        if self.noise.shape != (m, m):
+            rows, columns = self.noise.shape
+            what = f"noise of sensor '{self.name}' is {rows}x{columns}, its C has {m} row{'s' * (m != 1)}"
+            mistakes.append(Mistake(("noise",), what, f"it must be {m}x{m}"))
+        if self.cost.shape != (1, 1):
+            mistakes.append(Mistake(("cost",), f"cost of sensor '{self.name}' is not a single number or formula"))
+        if self.windows is not None:
+            windows = []
+            for i, window in enumerate(self.windows):
+                if len(window) != 2 or not np.all(np.isfinite(np.asarray(window, dtype=float))) or not window[0] < window[1]:
+                    what = f"window {i + 1} of sensor '{self.name}' is {list(window)}"
+                    mistakes.append(Mistake(("windows", i), what, "a window is [start, end] with start < end"))
+                else:
+                    windows.append((float(window[0]), float(window[1])))
+            object.__setattr__(self, "windows", tuple(sorted(windows)))
+        if mistakes:
+            raise ProblemError(mistakes)
+
+    @property
+    def rows(self) -> int:
+        """The number m of values that one measurement has."""
+        return self.C.shape[0]
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether this is the sensor that measures nothing."""
+        return self.rows == 0
+
+    @property
+    def signals(self) -> dict[str, Signal]:
+        """The time functions of the sensor, by name."""
+        return {"C": self.C, "noise": self.noise, "cost": self.cost}
+
+    def available(self, start: float, end: float) -> bool:
+        """Whether the whole of [start, end] lies inside one window."""
+        if self.windows is None:
+            return True
+        slack = 1e-9 * max(1.0, abs(start), abs(end))
+        return any(a <= start + slack and end <= b + slack for a, b in self.windows)
+
+
+def idle_sensor(states: int) -> Sensor:
+    """The sensor that measures nothing and costs nothing (L = 0, q = 0)."""
+    return Sensor(IDLE, ConstantSignal(np.zeros((0, states))), ConstantSignal(np.zeros((0, 0))))
+
+
+@dataclass(frozen=True, eq=False)
+class SensorSuite(Sequence):
+    """The sensors that one problem chooses among, in the user's order."""
+
+    sensors: tuple[Sensor, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sensors", tuple(self.sensors))
+        mistakes = []
+        if not self.sensors:
+            mistakes.append(Mistake((), "there is no sensor", "give at least one"))
+        seen: dict[str, int] = {}
+        for j, sensor in enumerate(self.sensors):
+            if sensor.name in seen:
+                mistakes.append(Mistake((j, "name"), f"the name '{sensor.name}' is used twice", "sensor names must differ"))
+            seen[sensor.name] = j
+        if mistakes:
+            raise ProblemError(mistakes)
+
+    def __len__(self) -> int:
+        return len(self.sensors)
+
+    def __getitem__(self, index):  # type: ignore[override]
+        return self.sensors[index]
+
+    def __iter__(self) -> Iterator[Sensor]:
+        return iter(self.sensors)
+
+    @property
+    def names(self) -> list[str]:
+        """The users' names, in order."""
+        return [s.name for s in self.sensors]
+
+    def index(self, name: str) -> int:  # type: ignore[override]
+        """The position of a sensor by its name; KeyError if there is none."""
+        for j, sensor in enumerate(self.sensors):
+            if sensor.name == name:
+                return j
+        raise KeyError(name)

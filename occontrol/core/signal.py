@@ -1,0 +1,199 @@
+"""Matrix-valued functions of time: constant, given by expressions, or tabulated.
+
+A Signal answers `at(t)`, `sample(times)` and `breakpoints` (times between which it is smooth), knows its shape, and can
+be written back into a problem document. In discrete time the variable is the step k.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.expression import parse_expression
+
+
+class Signal:
+    """A matrix that may depend on time; see ConstantSignal, ExpressionSignal, TableSignal."""
+
+    shape: tuple[int, int]
+    constant: bool = False
+
+    def at(self, t: float) -> np.ndarray:
+        """The (rows, columns) matrix at time t."""
+        return self.sample(np.array([t], dtype=float))[0]
+
+    def sample(self, times: np.ndarray) -> np.ndarray:
+        """The (K, rows, columns) matrices at K times."""
+        raise NotImplementedError
+
+    @property
+    def breakpoints(self) -> np.ndarray:
+        """Times at which the signal, or its slope, may jump."""
+        return np.empty(0)
+
+    def document(self) -> Any:
+        """What stands for this signal in a problem file."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantSignal(Signal):
+    """The same matrix at all times."""
+
+    value: np.ndarray
+    constant = True
+
+    @property
+    def shape(self) -> tuple[int, int]:  # type: ignore[override]
+        return self.value.shape  # type: ignore[return-value]
+
+    def at(self, t: float) -> np.ndarray:
+        return self.value
+
+    def sample(self, times: np.ndarray) -> np.ndarray:
+        return np.broadcast_to(self.value, (len(times), *self.value.shape))
+
+    def document(self) -> Any:
+        return self.value.tolist()
+
+
+@dataclass(frozen=True, eq=False)
+class ExpressionSignal(Signal):
+    """Entries are numbers or formulas of `variable`."""
+
+    entries: tuple[tuple[float | str, ...], ...]
+    variable: str = "t"
+
+    def __post_init__(self) -> None:
+        mistakes = []
+        for i, row in enumerate(self.entries):
+            for j, entry in enumerate(row):
+                if isinstance(entry, str):
+                    try:
+                        parse_expression(entry, (self.variable,))
+                    except ProblemError as error:
+                        mistakes += [m.under(i, j) for m in error.mistakes]
+        if mistakes:
+            raise ProblemError(mistakes)
+
+    @property
+    def shape(self) -> tuple[int, int]:  # type: ignore[override]
+        return len(self.entries), len(self.entries[0]) if self.entries else 0
+
+    @cached_property
+    def _function(self) -> Any:
+        import casadi
+
+        symbol = casadi.SX.sym(self.variable)
+        flat = [
+            parse_expression(e, (self.variable,)).casadi({self.variable: symbol}) if isinstance(e, str) else casadi.SX(e)
+            for row in self.entries
+            for e in row
+        ]
+        return casadi.Function("signal", [symbol], [casadi.vertcat(*flat)])
+
+    def sample(self, times: np.ndarray) -> np.ndarray:
+        times = np.asarray(times, dtype=float)
+        values = np.array(self._function(times.reshape(1, -1)))
+        return np.ascontiguousarray(values.T).reshape(len(times), *self.shape)
+
+    def __getstate__(self) -> dict:
+        return {"entries": self.entries, "variable": self.variable}
+
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+
+    def document(self) -> Any:
+        return [list(row) for row in self.entries]
+
+
+@dataclass(frozen=True, eq=False)
+class TableSignal(Signal):
+    """Matrices at given times, joined by straight lines ("linear") or held until the next time ("previous")."""
+
+    times: np.ndarray
+    values: np.ndarray
+    interpolation: str = "linear"
+    _flat: np.ndarray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        times, values = np.asarray(self.times, dtype=float), np.asarray(self.values, dtype=float)
+        if times.ndim != 1 or len(times) < 1 or values.ndim != 3 or len(values) != len(times):
+            raise ProblemError(
+                Mistake((), f"the table has {len(values)} matrices for {times.size} times", "one matrix per time")
+            )
+        if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
+            raise ProblemError(Mistake((), "the table holds a value that is not finite"))
+        if np.any(np.diff(times) <= 0):
+            bad = int(np.argmax(np.diff(times) <= 0)) + 1
+            raise ProblemError(Mistake(("times",), f"times must increase: entry {bad} is {times[bad]:g} after {times[bad - 1]:g}"))
+        if self.interpolation not in ("linear", "previous"):
+            raise ProblemError(Mistake(("interpolation",), f"unknown interpolation '{self.interpolation}'", "linear or previous"))
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "_flat", values.reshape(len(values), -1))
+
+    @property
+    def shape(self) -> tuple[int, int]:  # type: ignore[override]
+        return self.values.shape[1:]  # type: ignore[return-value]
+
+    @property
+    def breakpoints(self) -> np.ndarray:
+        return self.times
+
+    def covers(self, start: float, end: float) -> bool:
+        """Whether [start, end] lies inside the table ("previous" may be held beyond its last time)."""
+        slack = 1e-9 * max(1.0, abs(start), abs(end))
+        return bool(self.times[0] <= start + slack and (self.interpolation == "previous" or self.times[-1] >= end - slack))
+
+    def sample(self, times: np.ndarray) -> np.ndarray:
+        t = np.asarray(times, dtype=float)
+        left = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 1)
+        if self.interpolation == "previous" or len(self.times) == 1:
+            return self.values[left]
+        left = np.minimum(left, len(self.times) - 2)
+        span = self.times[left + 1] - self.times[left]
+        share = np.clip((t - self.times[left]) / span, 0.0, 1.0)[:, None]
+        flat = self._flat[left] * (1 - share) + self._flat[left + 1] * share
+        return flat.reshape(len(t), *self.shape)
+
+    def document(self) -> Any:
+        return {"times": self.times.tolist(), "values": self.values.tolist(), "interpolation": self.interpolation}
+
+
+def as_signal(value: Any, variable: str = "t") -> Signal:
+    """A Signal from a number, a formula, a nested list, an array, or a Signal.
+
+    A number or a single formula is 1x1. A flat list is refused: it could be a row or a column.
+    """
+    if isinstance(value, Signal):
+        return value
+    if isinstance(value, int | float | str) and not isinstance(value, bool):
+        value = [[value]]
+    if isinstance(value, np.ndarray):
+        rows: Any = np.asarray(value, dtype=float)
+        if rows.ndim == 0:
+            rows = rows.reshape(1, 1)
+    else:
+        rows = [list(row) if isinstance(row, list | tuple | np.ndarray) else row for row in value]
+        if any(not isinstance(row, list) for row in rows):
+            raise ProblemError(Mistake((), "expected a list of rows", "write [[1, 0], [0, 1]]; one row is [[1, 0]]"))
+        widths = {len(row) for row in rows}
+        if len(widths) > 1:
+            raise ProblemError(Mistake((), f"rows have different lengths: {[len(r) for r in rows]}"))
+        if any(isinstance(entry, str) for row in rows for entry in row):
+            return ExpressionSignal(
+                tuple(tuple(e if isinstance(e, str) else float(e) for e in row) for row in rows), variable
+            )
+        rows = np.array(rows, dtype=float)
+    if rows.ndim != 2:
+        raise ProblemError(Mistake((), "expected a matrix: a list of rows", "write [[1, 0], [0, 1]]"))
+    if not np.all(np.isfinite(rows)):
+        raise ProblemError(Mistake((), "the matrix holds a value that is not finite"))
+    rows = rows.copy()
+    rows.setflags(write=False)
+    return ConstantSignal(rows)

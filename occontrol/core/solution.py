@@ -1,0 +1,147 @@
+"""What a solve returns: plain data, no live solver, so that it pickles and can be written to disk."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.schedule import Schedule
+from occontrol.core.trajectory import Trajectory
+
+
+class Status(enum.StrEnum):
+    """How a solve ended; the text says which knob to turn."""
+
+    CERTIFIED = "certified"
+    FEASIBLE = "feasible"
+    INFEASIBLE = "infeasible"
+    LIMIT = "limit"
+    INTERRUPTED = "interrupted"
+    FAILED = "failed"
+    DISAGREES = "disagrees"
+
+    @property
+    def exit_code(self) -> int:
+        """The command line's exit code (interrupted: 130, or 143 when ended by SIGTERM)."""
+        return _EXIT[self]
+
+    @property
+    def text(self) -> str:
+        """One sentence for the user."""
+        return _TEXT[self]
+
+
+_EXIT = {
+    Status.CERTIFIED: 0,
+    Status.FEASIBLE: 0,
+    Status.INFEASIBLE: 4,
+    Status.LIMIT: 5,
+    Status.INTERRUPTED: 130,
+    Status.FAILED: 6,
+    Status.DISAGREES: 7,
+}
+_TEXT = {
+    Status.CERTIFIED: "The bound is proven and reached its target.",
+    Status.FEASIBLE: "A usable result; its distance from the optimum is what the bound says.",
+    Status.INFEASIBLE: "No schedule exists.",
+    Status.LIMIT: "A limit came before the target gap; raise max_iterations or time_limit, or relax relative_gap.",
+    Status.INTERRUPTED: "Interrupted; this is the best so far.",
+    Status.FAILED: "The solver ended with nothing usable.",
+    Status.DISAGREES: "The independent check disagrees; use a finer grid, and do not trust the cost.",
+}
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A cost and a proven lower bound on the optimal cost."""
+
+    cost: float
+    lower_bound: float
+
+    @property
+    def gap(self) -> float:
+        """cost - lower_bound, in cost units."""
+        return self.cost - self.lower_bound
+
+    @property
+    def relative_gap(self) -> float:
+        """(cost - lower_bound)/|cost|; 0 when both vanish."""
+        return self.gap / abs(self.cost) if self.cost else (0.0 if self.gap == 0 else float("inf"))
+
+    def as_dict(self) -> dict[str, float]:
+        """The three numbers as they stand in result.json."""
+        return {"cost": self.cost, "lower_bound": self.lower_bound, "relative_gap": self.relative_gap}
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The outcome of one method on one problem.
+
+    Parameters
+    ----------
+    family, method : str
+    status, message : how it ended, in the vocabulary of `Status`
+    iterations : int
+    seconds : wall time of the solve
+    result : the family's plain numbers, as in result.json (cost, lower_bound, schedule, ...)
+    arrays : the family's arrays, as in arrays.npz
+    schedule : Schedule or None
+    certificate : Certificate of the discretised problem, or None
+    history : one record per reported iteration: {iteration, cost, lower_bound, seconds}
+    """
+
+    family: str
+    method: str
+    status: Status
+    message: str
+    iterations: int
+    seconds: float
+    result: Mapping[str, Any] = field(default_factory=dict)
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
+    schedule: Schedule | None = None
+    certificate: Certificate | None = None
+    history: tuple[Mapping[str, float], ...] = ()
+    versions: Mapping[str, str] = field(default_factory=lambda: versions())
+
+    @property
+    def covariance(self) -> Trajectory:
+        """Error covariance at the nodes; KeyError for families that have none."""
+        return Trajectory(self.arrays["times"], self.arrays["covariance"])
+
+    @property
+    def cost(self) -> float:
+        """The cost of the discretised problem."""
+        return float(self.result["cost"])
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content of result.json."""
+        return {
+            "family": self.family,
+            "status": str(self.status),
+            "message": self.message,
+            "method": self.method,
+            "iterations": self.iterations,
+            "seconds": self.seconds,
+            **self.result,
+            "history": [dict(record) for record in self.history],
+            "versions": dict(self.versions),
+        }
+
+
+@lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Versions of this package and of the numerical libraries below it."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {}
+    for name in ("occontrol", "numpy", "scipy", "casadi", "numba", "clarabel"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
