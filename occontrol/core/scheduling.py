@@ -1,0 +1,195 @@
+"""The scheduling problem of Athans (1971): plant, sensors, time grid, and what is to be minimised."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.checks import check_covariance_signal, check_finite, check_shape
+from occontrol.core.errors import Collector, InfeasibleError, Mistake, ProblemError
+from occontrol.core.plant import LinearPlant
+from occontrol.core.sensor import SensorSuite
+from occontrol.core.signal import Signal, TableSignal, as_signal
+
+
+@dataclass(frozen=True, eq=False)
+class SchedulingProblem:
+    """Choose v_j(t), sum_j v_j = select, to minimise
+
+        J = alpha int sum_j q_j v_j dt + int tr(R Sigma) dt + tr(W Sigma(T)),   W = Phi(Tp,T)' D' D Phi(Tp,T)
+
+    Parameters
+    ----------
+    name : str
+    plant : LinearPlant with n states
+    sensors : SensorSuite or a list of Sensor; 'idle' (see idle_sensor) may fill any number of the places
+    edges : (N+1,) increasing times t0 .. T; the schedule is constant between them
+    output : D, (p, n) number, rows, formulas of t, or a Signal; evaluated at `predict_at` for the cost
+    predict_at : Tp >= T; T if left out
+    cost_weight : alpha >= 0
+    running : R(t), (n, n) positive semidefinite, optional
+    select : how many sensors are used at a time
+    method : an options object of the family's METHODS, or None for the default
+    expect : {source, cost, tolerance}, the known answer, if any
+
+    Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
+    Athans (1971), equations (2.1)-(2.30), (3.12), (4.1)-(4.3); R, select and windows are generalisations.
+    """
+
+    name: str
+    plant: LinearPlant
+    sensors: Any
+    edges: Any
+    output: Any
+    predict_at: float | None = None
+    cost_weight: float = 1.0
+    running: Any = None
+    select: int = 1
+    method: Any = None
+    expect: Mapping[str, Any] | None = None
+    family: str = field(default="athans", init=False)
+
+    def __post_init__(self) -> None:
+        found = Collector()
+        if not isinstance(self.sensors, SensorSuite):
+            with found.under("sensors"):
+                object.__setattr__(self, "sensors", SensorSuite(tuple(self.sensors)))
+        edges = np.asarray(self.edges, dtype=float)
+        object.__setattr__(self, "edges", edges)
+        if edges.ndim != 1 or len(edges) < 2:
+            found.add(("horizon",), "the horizon has no intervals", "intervals: at least 1")
+        elif not np.all(np.isfinite(edges)):
+            found.add(("horizon",), "the horizon is not finite")
+        elif np.any(np.diff(edges) <= 0):
+            found.add(("horizon",), "the edges of the horizon do not increase", "end must lie after start")
+        if self.predict_at is None and edges.ndim == 1 and len(edges):
+            object.__setattr__(self, "predict_at", float(edges[-1]))
+        elif edges.ndim == 1 and len(edges) and not float(self.predict_at) >= edges[-1]:  # type: ignore[arg-type]
+            what = f"predict_at = {self.predict_at:g} lies before the end of the horizon, {edges[-1]:g}"
+            found.add(("horizon", "predict_at"), what, "predict_at >= end")
+        elif not np.isfinite(float(self.predict_at)):  # type: ignore[arg-type]
+            found.add(("horizon", "predict_at"), "predict_at is not finite")
+        if not (np.isfinite(self.cost_weight) and self.cost_weight >= 0):
+            found.add(("objective", "cost_weight"), f"cost_weight is {self.cost_weight:g}", "cost_weight >= 0")
+        for name in ("output", "running"):
+            if getattr(self, name) is not None:
+                with found.under("objective", name):
+                    object.__setattr__(self, name, as_signal(getattr(self, name)))
+        found.raise_if_any()
+        mistakes = self._shapes() or self._values()
+        if mistakes:
+            raise ProblemError(mistakes)
+
+    def _shapes(self) -> list[Mistake]:
+        n, found = self.plant.states, []
+        state_hint = f"the plant has {n} state{'s' * (n != 1)}"
+        for j, sensor in enumerate(self.sensors):
+            if sensor.C.shape[1] != n:
+                rows, columns = sensor.C.shape
+                what = f"C of sensor '{sensor.name}' is {rows}x{columns}, but the plant has {n} state{'s' * (n != 1)}"
+                found.append(Mistake(("sensors", j, "C"), what, "a row of C has one entry per state"))
+        found += check_shape("output", self.output.shape, None, n, ("objective", "output"), state_hint)
+        if self.running is not None:
+            found += check_shape("running", self.running.shape, n, n, ("objective", "running"), state_hint)
+        places = len(self.sensors) + (self.select if any(s.is_idle for s in self.sensors) else 0)
+        if isinstance(self.select, bool) or int(self.select) != self.select or not 1 <= self.select <= places:
+            what = f"select is {self.select}, there are {len(self.sensors)} sensors"
+            found.append(Mistake(("select",), what, f"1 <= select <= {len(self.sensors)}"))
+        for path, signal in self.signals.items():
+            end = self.predict_at if path[0] in ("plant", "objective") else self.edges[-1]
+            if isinstance(signal, TableSignal) and not signal.covers(self.edges[0], float(end or 0)):
+                what = f"the table covers [{signal.times[0]:g}, {signal.times[-1]:g}], the horizon is [{self.edges[0]:g}, {end:g}]"
+                found.append(Mistake(path, what, "tabulate the whole horizon, for the plant up to predict_at"))
+        return found
+
+    def _values(self) -> list[Mistake]:
+        """Definiteness and finiteness at the nodes and midpoints (and, for the plant, on to Tp)."""
+        times = np.sort(np.concatenate([self.edges, (self.edges[1:] + self.edges[:-1]) / 2]))
+        later = np.concatenate([times, np.linspace(self.edges[-1], float(self.predict_at or 0), 9)[1:]])
+        found: list[Mistake] = []
+        plant = self.plant
+        found += check_finite("A", plant.A, later, ("plant", "A"))
+        found += check_covariance_signal("noise", plant.noise, later, ("plant", "noise"))
+        for name in ("B", "input"):
+            if getattr(plant, name) is not None:
+                found += check_finite(name, getattr(plant, name), later, ("plant", name))
+        for j, sensor in enumerate(self.sensors):
+            where, of = ("sensors", j), f"of sensor '{sensor.name}'"
+            found += check_finite(f"C {of}", sensor.C, times, (*where, "C"))
+            found += check_covariance_signal(f"noise {of}", sensor.noise, times, (*where, "noise"), definite=True)
+            wrong = check_finite(f"cost {of}", sensor.cost, times, (*where, "cost"))
+            if not wrong and np.min(sensor.cost.sample(times)) < 0:
+                k = int(np.argmin(sensor.cost.sample(times)))
+                at = "" if sensor.cost.constant else f" at t = {times[k]:.6g}"
+                what = f"cost {of} is {sensor.cost.at(times[k])[0, 0]:g}{at}"
+                wrong = [Mistake((*where, "cost"), what, "a cost rate is not negative")]
+            found += wrong
+        found += check_finite("output", self.output, np.array([self.predict_at]), ("objective", "output"))
+        if self.running is not None:
+            found += check_covariance_signal("running", self.running, times, ("objective", "running"))
+        return found
+
+    @property
+    def signals(self) -> dict[tuple[str | int, ...], Signal]:
+        """Every time function of the problem by its path in a problem file."""
+        named: dict[tuple[str | int, ...], Signal] = {("plant", k): s for k, s in self.plant.signals.items()}
+        for j, sensor in enumerate(self.sensors):
+            named |= {("sensors", j, k): s for k, s in sensor.signals.items()}
+        named[("objective", "output")] = self.output
+        if self.running is not None:
+            named[("objective", "running")] = self.running
+        return named
+
+    @property
+    def states(self) -> int:
+        """The number n of states."""
+        return self.plant.states
+
+    @property
+    def intervals(self) -> int:
+        """The number N of intervals."""
+        return len(self.edges) - 1
+
+    @property
+    def steps(self) -> np.ndarray:
+        """(N,) lengths of the intervals."""
+        return np.diff(self.edges)
+
+    @property
+    def midpoints(self) -> np.ndarray:
+        """(N,) midpoints of the intervals."""
+        return (self.edges[1:] + self.edges[:-1]) / 2
+
+    @cached_property
+    def upper(self) -> np.ndarray:
+        """(N, M) the largest weight of each sensor on each interval: 0 outside its windows, 1 inside, `select` for idle."""
+        upper = np.zeros((self.intervals, len(self.sensors)))
+        for j, sensor in enumerate(self.sensors):
+            if sensor.is_idle:
+                upper[:, j] = self.select
+            elif sensor.windows is None:
+                upper[:, j] = 1.0
+            else:
+                upper[:, j] = [sensor.available(a, b) for a, b in zip(self.edges[:-1], self.edges[1:], strict=True)]
+        return upper
+
+    def require_feasible(self) -> None:
+        """Raise InfeasibleError, with the time, where fewer than `select` places can be filled."""
+        lacking = np.sum(self.upper, axis=1) < self.select - 1e-9
+        if np.any(lacking):
+            k = int(np.argmax(lacking))
+            count = int(np.sum(self.upper[k]))
+            have = "no sensor is" if count == 0 else f"only {count} of the {self.select} sensors to select {'is' if count == 1 else 'are'}"
+            raise InfeasibleError(
+                f"between t = {self.edges[k]:g} and {self.edges[k + 1]:g} {have} available\n"
+                "  hint: widen a window, put an edge of the grid at the window's end, or add 'idle' to the sensors"
+            )
+
+
+def uniform_edges(start: float, end: float, intervals: int) -> Sequence[float]:
+    """(intervals+1,) equally spaced edges."""
+    return np.linspace(start, end, intervals + 1)
