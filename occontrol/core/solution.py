@@ -93,6 +93,8 @@ class Solution:
     schedule : Schedule or None
     certificate : Certificate of the discretised problem, or None
     history : one record per reported iteration: {iteration, cost, lower_bound, seconds}
+    versions : of this package and of the libraries below it
+    problem : the problem that was solved, so that a solution can be drawn and filtered by itself
     """
 
     family: str
@@ -107,6 +109,7 @@ class Solution:
     certificate: Certificate | None = None
     history: tuple[Mapping[str, float], ...] = ()
     versions: Mapping[str, str] = field(default_factory=lambda: versions())
+    problem: Any = field(default=None, repr=False)
 
     @property
     def covariance(self) -> Trajectory:
