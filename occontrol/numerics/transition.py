@@ -1,0 +1,148 @@
+"""Transition matrices and noise Gramians of dx/dt = A(t) x + xi over given spans.
+
+    F = Phi(b, a),   Q = int_a^b Phi(b, t) Xi(t) Phi(b, t)' dt
+
+Constant plants: van Loan's exponential over a short step, doubled up to the span (doubling adds positive semidefinite
+terms only, so stiff plants and long steps lose nothing). Otherwise: sixth-order Magnus steps of van Loan's system,
+spans cut where a table has its times, the number of steps doubled until F and Q stand still.
+Source: van Loan (1978); Blanes, Casas & Ros (2000) for the Magnus coefficients.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import expm
+
+from occontrol.core.errors import SolveFailed
+from occontrol.core.signal import Signal
+
+TOLERANCE = 1e-12
+MAX_STEPS = 4096
+
+
+def transitions(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """F and Q of many spans.
+
+    Parameters
+    ----------
+    A : (n, n) Signal, 1/time
+    noise : (n, n) Signal, intensity Xi
+    starts, ends : (K,) spans; an empty one (start = end) gives the identity and zero
+
+    Returns F (K, n, n) and Q (K, n, n), Q symmetric positive semidefinite.
+    """
+    starts, ends = np.asarray(starts, dtype=float), np.asarray(ends, dtype=float)
+    if A.constant and noise.constant:
+        return _constant(A.at(0.0), noise.at(0.0), ends - starts)
+    return _varying(A, noise, starts, ends)
+
+
+def unique_spans(lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct lengths (to 1e-12 relative) and, for each span, the index of its length."""
+    scale = float(np.max(np.abs(lengths))) or 1.0
+    _, first, index = np.unique(np.round(lengths / scale, 12), return_index=True, return_inverse=True)
+    return lengths[first], index.ravel()
+
+
+def _constant(A: np.ndarray, noise: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    spans, index = unique_spans(lengths)
+    F = np.empty((len(spans), *A.shape))
+    Q = np.empty_like(F)
+    for i, span in enumerate(spans):
+        doublings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(A, 1) * span, 1e-300)))) + 1)
+        f, q = _van_loan((A * (span / 2**doublings))[None], (noise * (span / 2**doublings))[None])
+        f, q = f[0], q[0]
+        for _ in range(doublings):
+            q = f @ q @ f.T + q
+            f = f @ f
+        F[i], Q[i] = f, q
+    return F[index], _semidefinite(Q)[index]
+
+
+def _van_loan(a: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """F and Q from the exponents a = A h (K, n, n) and x = Xi h (K, n, n)."""
+    n = a.shape[-1]
+    block = np.zeros((len(a), 2 * n, 2 * n))
+    block[:, :n, :n] = a
+    block[:, :n, n:] = x
+    block[:, n:, n:] = -np.swapaxes(a, 1, 2)
+    big = expm(block)
+    F = big[:, :n, :n]
+    Q = big[:, :n, n:] @ np.swapaxes(F, 1, 2)
+    return np.ascontiguousarray(F), (Q + np.swapaxes(Q, 1, 2)) / 2
+
+
+def _semidefinite(Q: np.ndarray) -> np.ndarray:
+    """Remove what rounding put below zero."""
+    values, vectors = np.linalg.eigh(Q)
+    if np.all(values >= 0):
+        return Q
+    clipped = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+    return (clipped + np.swapaxes(clipped, 1, 2)) / 2
+
+
+def _varying(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    n = A.shape[0]
+    cuts = np.union1d(A.breakpoints, noise.breakpoints)
+    pieces: list[tuple[float, float]] = []
+    owner: list[int] = []
+    for i, (a, b) in enumerate(zip(starts, ends, strict=True)):
+        inner = cuts[(cuts > a + 1e-13 * abs(b - a)) & (cuts < b - 1e-13 * abs(b - a))]
+        nodes = [a, *inner, b]
+        pieces += list(zip(nodes[:-1], nodes[1:], strict=True))
+        owner += [i] * (len(nodes) - 1)
+    spans = np.array(pieces)
+    f, q = np.empty((len(spans), n, n)), np.empty((len(spans), n, n))
+    todo, steps = np.arange(len(spans)), 1
+    f[todo], q[todo] = _magnus(A, noise, spans[todo], steps)
+    while len(todo):
+        steps *= 2
+        if steps > MAX_STEPS:
+            a, b = spans[todo[0]]
+            raise SolveFailed(
+                f"the plant cannot be integrated between t = {a:g} and {b:g} to {TOLERANCE:g}\n"
+                "  hint: A or noise changes too fast there; use a finer grid, or a table with a time at each jump"
+            )
+        finer_f, finer_q = _magnus(A, noise, spans[todo], steps)
+        wrong = np.max(np.abs(finer_f - f[todo]), axis=(1, 2)) > TOLERANCE * np.max(np.abs(finer_f), axis=(1, 2))
+        wrong |= np.max(np.abs(finer_q - q[todo]), axis=(1, 2)) > TOLERANCE * np.max(np.abs(finer_q), axis=(1, 2))
+        f[todo], q[todo] = finer_f, finer_q
+        todo = todo[wrong]
+    F = np.tile(np.eye(n), (len(starts), 1, 1))
+    Q = np.zeros_like(F)
+    for piece, i in enumerate(owner):
+        Q[i] = f[piece] @ Q[i] @ f[piece].T + q[piece]
+        F[i] = f[piece] @ F[i]
+    return F, _semidefinite((Q + np.swapaxes(Q, 1, 2)) / 2)
+
+
+def _magnus(A: Signal, noise: Signal, spans: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """`steps` sixth-order Magnus steps over each of the (K, 2) spans."""
+    K, n = len(spans), A.shape[0]
+    h = (spans[:, 1] - spans[:, 0]) / steps
+    offsets = np.array([0.5 - np.sqrt(15) / 10, 0.5, 0.5 + np.sqrt(15) / 10])
+    times = spans[:, 0, None, None] + h[:, None, None] * (np.arange(steps)[None, :, None] + offsets)
+    flat = times.ravel()
+    H = np.zeros((len(flat), 2 * n, 2 * n))
+    a = A.sample(flat)
+    H[:, :n, :n], H[:, :n, n:] = a, noise.sample(flat)
+    H[:, n:, n:] = -np.swapaxes(a, 1, 2)
+    H = H.reshape(K, steps, 3, 2 * n, 2 * n) * h[:, None, None, None, None]
+
+    def commutator(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return x @ y - y @ x
+
+    first, second, third = H[:, :, 0], H[:, :, 1], H[:, :, 2]
+    a1, a2, a3 = second, np.sqrt(15) / 3 * (third - first), 10 / 3 * (third - 2 * second + first)
+    c1 = commutator(a1, a2)
+    c2 = -commutator(a1, 2 * a3 + c1) / 60
+    omega = a1 + a3 / 12 + commutator(-20 * a1 - a3 + c1, a2 + c2) / 240
+    flow = omega.reshape(K * steps, 2 * n, 2 * n)
+    f, q = _van_loan(flow[:, :n, :n], flow[:, :n, n:])
+    f, q = f.reshape(K, steps, n, n), q.reshape(K, steps, n, n)
+    F, Q = f[:, 0], q[:, 0]
+    for s in range(1, steps):
+        step = f[:, s]
+        Q = step @ Q @ np.swapaxes(step, 1, 2) + q[:, s]
+        F = step @ F
+    return F, Q
