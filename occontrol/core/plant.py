@@ -87,6 +87,72 @@ class LinearPlant:
         return {name: signal for name, signal in named.items() if signal is not None}
 
 
+@dataclass(frozen=True, eq=False)
+class DiscretePlant:
+    """A linear plant in discrete time, driven by white noise; every matrix may depend on the step k.
+
+    x(k+1) = F(k) x(k) + G(k) w(k),   cov w(k) = Q(k),   E x(0) = mean,   cov x(0) = covariance
+
+    Parameters
+    ----------
+    F : (n, n) number, rows, array, formulas of k, or a Signal
+    Q : (p, p) covariance of w(k), symmetric positive semidefinite (a covariance, not an intensity)
+    covariance : (n, n) initial error covariance P(0|-1), symmetric positive semidefinite (may be singular)
+    mean : (n,) initial mean; zero if left out
+    G : (n, p) noise input matrix; the identity if left out
+
+    Raises ProblemError naming every matrix of the wrong shape or definiteness.
+    Oshman (1994), equation (1).
+    """
+
+    F: Any
+    Q: Any
+    covariance: Any
+    mean: Any = None
+    G: Any = None
+
+    def __post_init__(self) -> None:
+        found = Collector()
+        for name in ("F", "G", "Q"):
+            if getattr(self, name) is not None:
+                with found.under(name):
+                    object.__setattr__(self, name, as_signal(getattr(self, name), "k"))
+        with found.under("covariance"):
+            object.__setattr__(self, "covariance", as_signal(self.covariance, "k").at(0.0))
+        found.raise_if_any()
+        n = self.F.shape[0]
+        mean = np.zeros(n) if self.mean is None else np.atleast_1d(np.asarray(self.mean, dtype=float)).ravel()
+        object.__setattr__(self, "mean", mean)
+        mistakes = check_shape("F", self.F.shape, n, n, ("F",), "F is square: one row and one column per state")
+        hint = f"the plant has {n} state{'s' * (n != 1)}"
+        inputs, driven = n, hint
+        if self.G is not None:
+            mistakes += check_shape("G", self.G.shape, n, None, ("G",), hint)
+            inputs = self.G.shape[1]
+            driven = f"G has {inputs} column{'s' * (inputs != 1)}"
+        mistakes += check_shape("Q", self.Q.shape, inputs, inputs, ("Q",), driven)
+        wrong = check_shape("covariance", self.covariance.shape, n, n, ("covariance",), hint)
+        mistakes += wrong or check_covariance("covariance", self.covariance, ("covariance",))
+        if len(mean) != n:
+            mistakes.append(Mistake(("mean",), f"mean has {len(mean)} entries, the plant has {n} states", "one entry per state"))
+        elif not np.all(np.isfinite(mean)):
+            mistakes.append(Mistake(("mean",), "mean is not finite"))
+        if mistakes:
+            raise ProblemError(mistakes)
+
+    @property
+    def states(self) -> int:
+        """The number n of states."""
+        return self.F.shape[0]
+
+    @property
+    def signals(self) -> dict[str, Signal]:
+        """The functions of k, by name."""
+        named = {"F": self.F, "G": self.G, "Q": self.Q}
+        return {name: signal for name, signal in named.items() if signal is not None}
+
+
+
 def state_names(count: int) -> Sequence[str]:
     """x1, x2, ... as they are called in every output file."""
     return [f"x{i + 1}" for i in range(count)]
