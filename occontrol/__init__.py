@@ -1,0 +1,107 @@
+"""Optimal sensor scheduling, with a proven lower bound beside every schedule.
+
+    import occontrol as oc
+    problem = oc.read_problem("problems/attitude_telemetry.yaml")
+    solution = oc.solve(problem)
+    solution.certificate.relative_gap
+
+The names below are looked up when they are first used, so that the import itself is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from occontrol.core.errors import (
+        FileAccessError,
+        InfeasibleError,
+        OccontrolError,
+        ProblemError,
+        SolveFailed,
+        UsageError,
+    )
+    from occontrol.core.measurement import Estimate, Measurement
+    from occontrol.core.monitor import Monitor
+    from occontrol.core.plant import LinearPlant
+    from occontrol.core.schedule import Schedule
+    from occontrol.core.scheduling import SchedulingProblem
+    from occontrol.core.sensor import Sensor, SensorSuite, idle_sensor
+    from occontrol.core.solution import Certificate, Solution, Status
+    from occontrol.core.trajectory import Trajectory
+    from occontrol.files.data_files import read_measurements, read_schedule
+    from occontrol.files.export import export_run
+    from occontrol.files.problem_file import read_problem
+    from occontrol.files.run_folder import read_run, write_run
+    from occontrol.library import certify, plot, run_filter, simulate, solve
+
+# module: the public names that it holds
+_HOME = {
+    "core.errors": (
+        "OccontrolError",
+        "ProblemError",
+        "UsageError",
+        "InfeasibleError",
+        "SolveFailed",
+        "FileAccessError",
+    ),
+    "core.measurement": ("Measurement", "Estimate"),
+    "core.monitor": ("Monitor",),
+    "core.plant": ("LinearPlant",),
+    "core.schedule": ("Schedule",),
+    "core.scheduling": ("SchedulingProblem",),
+    "core.sensor": ("Sensor", "SensorSuite", "idle_sensor"),
+    "core.solution": ("Solution", "Certificate", "Status"),
+    "core.trajectory": ("Trajectory",),
+    "library": ("solve", "certify", "simulate", "run_filter", "plot"),
+    "files.problem_file": ("read_problem",),
+    "files.data_files": ("read_schedule", "read_measurements"),
+    "files.run_folder": ("read_run", "write_run"),
+    "files.export": ("export_run",),
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = [
+    "Certificate",
+    "Estimate",
+    "FileAccessError",
+    "InfeasibleError",
+    "LinearPlant",
+    "Measurement",
+    "Monitor",
+    "OccontrolError",
+    "ProblemError",
+    "Schedule",
+    "SchedulingProblem",
+    "Sensor",
+    "SensorSuite",
+    "Solution",
+    "SolveFailed",
+    "Status",
+    "Trajectory",
+    "UsageError",
+    "certify",
+    "export_run",
+    "idle_sensor",
+    "plot",
+    "read_measurements",
+    "read_problem",
+    "read_run",
+    "read_schedule",
+    "run_filter",
+    "simulate",
+    "solve",
+    "write_run",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """The public object called `name`, imported now."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'occontrol' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"occontrol.{_MODULE_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,39 @@
+"""Pictures, one module per family: draw(problem, solution) and draw_compare(problem, solutions)."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from occontrol.core.solution import Solution
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def _module(family: str) -> Any:
+    try:
+        return importlib.import_module(f"occontrol.files.figures.{family}")
+    except ModuleNotFoundError as error:
+        if error.name != f"occontrol.files.figures.{family}":
+            raise
+        return None
+
+
+def figures_of(problem: Any, solution: Solution) -> dict[str, Figure]:
+    """Every figure of `solution` to `problem` by name, the most telling first; none for a family without pictures."""
+    module = _module(problem.family)
+    return {} if module is None else module.draw(problem, solution)
+
+
+def compare_figure(problem: Any, solutions: Mapping[str, Solution]) -> Figure | None:
+    """One figure of several `solutions`, by method name, to the same `problem`."""
+    module = _module(problem.family)
+    return module.draw_compare(problem, solutions) if hasattr(module, "draw_compare") else None
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write `figure` as a picture to `path`, in the format that its suffix names."""
+    figure.savefig(path, dpi=150, facecolor="white")

@@ -1,0 +1,65 @@
+"""occontrol certify: cost, lower bound and gap of anybody's schedule."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from occontrol.cli.output import note, print_json, print_pairs
+from occontrol.cli.solve import JsonFlag
+
+# how far a recorded cost may lie from the recomputed one, relative; both come from the same recursion
+AGREEMENT = 1e-8
+
+
+def certify(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Problem file, or a run folder.", show_default=False)],
+    schedule: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="SCHEDULE", help="Schedule, csv or json; a run folder brings its own.", show_default=False
+        ),
+    ] = None,
+    json: JsonFlag = False,
+) -> int:
+    """Recompute cost, lower bound and gap of a schedule from the problem alone."""
+    from occontrol.core.errors import UsageError
+    from occontrol.families import family_module
+    from occontrol.files.data_files import read_schedule
+    from occontrol.files.problem_file import read_problem
+    from occontrol.files.run_folder import read_run
+    from occontrol.library import certify as library_certify
+
+    recorded = None
+    if file.is_dir():
+        problem, recorded = read_run(file)
+        given = recorded.schedule if schedule is None else read_schedule(schedule, problem)
+    else:
+        if schedule is None:
+            raise UsageError(
+                "certify needs a schedule\n  hint: occontrol certify FILE SCHEDULE, or occontrol certify RUN"
+            )
+        problem = read_problem(file)
+        given = read_schedule(schedule, problem)
+    if given is None:
+        raise UsageError(f"the run of family {problem.family} holds no schedule that could be certified")
+    solution = library_certify(problem, given)
+    code = solution.status.exit_code
+    message = solution.message
+    if (
+        schedule is None
+        and recorded is not None
+        and abs(recorded.cost - solution.cost) > AGREEMENT * abs(solution.cost)
+    ):
+        code, message = 7, f"the run folder says cost {recorded.cost:.10g}, its schedule costs {solution.cost:.10g}"
+    if json:
+        print_json({**solution.as_dict(), **({"status": "disagrees", "message": message} if code == 7 else {})})
+    else:
+        print_pairs(
+            [("status", f"{solution.status}: {message}"), *family_module(problem.family).summarise(problem, solution)]
+        )
+    if code:
+        note(message)
+    return code

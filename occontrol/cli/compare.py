@@ -1,0 +1,147 @@
+"""occontrol compare: several methods on one problem, one table, one figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from occontrol.cli.output import note, number, percent, print_json, print_table
+from occontrol.cli.solve import JsonFlag, ProblemFile, run_method
+
+if TYPE_CHECKING:
+    from occontrol.core.solution import Solution
+
+
+def compare(
+    file: ProblemFile,
+    methods: Annotated[
+        str | None, typer.Option("--methods", metavar="A,B,C", help="Methods [default: the family's choice].")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder [default: runs/FILE's name-compare].")] = None,
+    json: JsonFlag = False,
+) -> int:
+    """Solve one problem with several methods and set them side by side."""
+    from occontrol.cli.watch import exit_code, watched
+    from occontrol.core.errors import SolveFailed
+    from occontrol.core.monitor import Monitor
+    from occontrol.families import family_module
+    from occontrol.files.problem_file import read_problem
+    from occontrol.files.run_folder import check_writable
+    from occontrol.library import choose_method
+
+    folder = out or Path("runs") / f"{file.stem}-compare"
+    problem = read_problem(file)
+    check_writable(folder)
+    names = (
+        list(family_module(problem.family).COMPARE)
+        if methods is None
+        else [m.strip() for m in methods.split(",") if m.strip()]
+    )
+    for name in names:
+        choose_method(problem, name)  # an unknown name is found before any work
+    solutions: dict[str, Solution] = {}
+    failed: dict[str, str] = {}
+    with watched() as monitor:
+        for name in names:
+            monitor.history.clear()
+            monitor.stage = name
+            monitor.started = Monitor().started
+            try:
+                solutions[name] = run_method(problem, name, monitor)
+            except SolveFailed as error:
+                failed[name] = str(error)
+            if monitor.interrupted:
+                break
+        rows = comparison(solutions)
+        if json:
+            print_json({"problem": problem.name, "family": problem.family, "methods": rows, "failed": failed})
+        else:
+            _print(rows)
+        for name, text in failed.items():
+            note(f"{name}: {text}")
+        if solutions:
+            _write(folder, problem, solutions, rows, quiet=json)
+    return exit_code(monitor, 0 if solutions else 6)
+
+
+def comparison(solutions: dict[str, Solution]) -> list[dict[str, Any]]:
+    """One record per method; every cost is measured against the best bound that any of them proved.
+
+    Parameters
+    ----------
+    solutions : Solution by method name
+    """
+    bounds = [s.certificate.lower_bound for s in solutions.values() if s.certificate is not None]
+    best = max(bounds, default=None)
+    rows = []
+    for name, solution in solutions.items():
+        result = solution.result
+        cost = result.get("cost")
+        record: dict[str, Any] = {"method": name, "status": str(solution.status), "cost": cost}
+        record["lower_bound"] = result.get("lower_bound")
+        if best is not None and isinstance(cost, int | float) and cost:
+            record["gap_to_best_bound"] = (cost - best) / abs(cost)
+        continuous = result.get("continuous")
+        if isinstance(continuous, dict):
+            record["continuous"] = continuous
+        numbers = {
+            k: v for k, v in result.items() if isinstance(v, int | float) and k not in record and k != "relative_gap"
+        }
+        rows.append({**record, **numbers, "iterations": solution.iterations, "seconds": solution.seconds})
+    return rows
+
+
+def _print(rows: list[dict[str, Any]]) -> None:
+    known = {
+        "method",
+        "status",
+        "cost",
+        "lower_bound",
+        "gap_to_best_bound",
+        "switches",
+        "iterations",
+        "seconds",
+        "continuous",
+    }
+    bounded = any(isinstance(r.get("lower_bound"), int | float) for r in rows)
+    # families without a cost bound are compared by the numbers that they report
+    others = (
+        [] if bounded else [k for k in (rows[0] if rows else {}) if k not in known and all(k in r for r in rows)][:6]
+    )
+    headers = ["method", "status"]
+    columns = [lambda r: r["method"], lambda r: r["status"]]
+    if any(isinstance(r.get("cost"), int | float) for r in rows):
+        headers.append("cost")
+        columns.append(lambda r: number(r.get("cost")))
+    if bounded:
+        headers += ["lower bound", "above best bound", "switches"]
+        columns += [
+            lambda r: number(r.get("lower_bound")),
+            lambda r: percent(r.get("gap_to_best_bound")),
+            lambda r: number(r.get("switches")),
+        ]
+    for key in others:
+        headers.append(key.replace("_", " "))
+        columns.append(lambda r, key=key: number(r.get(key), 6))
+    headers.append("seconds")
+    columns.append(lambda r: number(r["seconds"], 3))
+    print_table(headers, [[column(r) for column in columns] for r in rows], right=range(2, len(headers)))
+
+
+def _write(folder: Path, problem: Any, solutions: dict[str, Solution], rows: list[dict[str, Any]], quiet: bool) -> None:
+    from occontrol.core.errors import FileAccessError
+    from occontrol.files.figures import compare_figure, save
+    from occontrol.files.json_text import to_json
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "compare.json").write_text(to_json(rows), encoding="utf-8")
+        figure = compare_figure(problem, solutions)
+        if figure is not None:
+            save(figure, folder / "compare.png")
+    except OSError as error:
+        raise FileAccessError(f"cannot write to {folder}: {error.strerror or error}") from error
+    if not quiet:
+        print(f"written  {folder}/")

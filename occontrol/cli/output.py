@@ -1,0 +1,92 @@
+"""What the commands print: aligned lines, tables, numbers."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+
+
+def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
+    """Print label and text, the texts aligned.
+
+    Parameters
+    ----------
+    pairs : (label, text); further lines of a text are indented below its first
+    """
+    pairs = [(str(label), str(text)) for label, text in pairs]
+    width = max((len(label) for label, _ in pairs), default=0)
+    for label, text in pairs:
+        first, *rest = text.splitlines() or [""]
+        print(f"{label:<{width}}  {first}".rstrip())
+        for line in rest:
+            print(" " * (width + 2) + line)
+
+
+def print_table(headers: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[int] = ()) -> None:
+    """Print a table that is never cut off away from a terminal.
+
+    Parameters
+    ----------
+    headers : one per column
+    rows : texts, one per column
+    right : the columns to be aligned on the right
+    """
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
+    for i, header in enumerate(headers):
+        table.add_column(header, justify="right" if i in right else "left", no_wrap=i in right, overflow="fold")
+    for row in rows:
+        table.add_row(*(str(cell) for cell in row))
+    console = (
+        Console(highlight=False, markup=False)
+        if sys.stdout.isatty()
+        else Console(width=200, highlight=False, markup=False)
+    )
+    console.print(table)
+
+
+def number(value: object, digits: int = 8) -> str:
+    """A number as text, '-' where there is none.
+
+    Parameters
+    ----------
+    value : number or None
+    digits : significant digits
+    """
+    return f"{value:.{digits}g}" if isinstance(value, int | float) and not isinstance(value, bool) else "-"
+
+
+def percent(value: object) -> str:
+    """A relative gap as a percentage, '-' where there is none.
+
+    Parameters
+    ----------
+    value : number or None
+    """
+    return f"{100 * value:.3g} %" if isinstance(value, int | float) else "-"
+
+
+def print_json(value: object) -> None:
+    """Print `value` as JSON, and nothing else, on standard output.
+
+    Parameters
+    ----------
+    value : nested mappings, sequences, arrays and numbers
+    """
+    from occontrol.files.json_text import to_json
+
+    sys.stdout.write(to_json(value))
+    sys.stdout.flush()
+
+
+def note(text: str) -> None:
+    """Print a remark on standard error.
+
+    Parameters
+    ----------
+    text : what to say
+    """
+    print(text, file=sys.stderr)

@@ -1,0 +1,43 @@
+"""occontrol simulate: a true trajectory and the measurements that a schedule would bring."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from occontrol.cli.output import note
+from occontrol.cli.solve import ProblemFile, default_folder, run_method
+
+
+def simulate(
+    file: ProblemFile,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="CSV", help="Measurement file to write.", show_default=False)
+    ],
+    run: Annotated[
+        Path | None, typer.Option("--run", help="Run whose schedule is followed [default: runs/FILE's name, or solve].")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the random generator.")] = 0,
+) -> int:
+    """Simulate the plant and the scheduled sensors; the truth goes beside the measurements."""
+    from occontrol.cli.watch import watched
+    from occontrol.files.problem_file import read_problem
+    from occontrol.files.run_folder import RESULT, read_run
+    from occontrol.files.tables import write_measurements, write_truth
+    from occontrol.library import simulate as library_simulate
+
+    folder = run or default_folder(file)
+    if run is not None or (folder / RESULT).exists():
+        problem, solution = read_run(folder)
+    else:
+        problem = read_problem(file)
+        with watched() as monitor:
+            solution = run_method(problem, None, monitor)
+    measurements, truth = library_simulate(problem, solution, seed)
+    write_measurements(out, measurements)
+    beside = out.with_name(out.stem + ".truth.csv")
+    write_truth(beside, truth)
+    note(f"{len(measurements)} measurements in {out}, the truth in {beside}")
+    return 0

@@ -1,0 +1,137 @@
+"""occontrol solve: a problem file in, a run folder with a certified schedule out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from occontrol.cli.output import note, print_json, print_pairs
+
+if TYPE_CHECKING:
+    from occontrol.cli.watch import Watched
+    from occontrol.core.solution import Solution
+
+ProblemFile = Annotated[Path, typer.Argument(metavar="FILE", help="Problem file.", show_default=False)]
+JsonFlag = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on standard output.")
+]
+
+
+def solve(
+    file: ProblemFile,
+    method: Annotated[str | None, typer.Option("--method", "-m", help="Method, instead of the file's.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder [default: runs/FILE's name].")] = None,
+    json: JsonFlag = False,
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the figures.")] = True,
+) -> int:
+    """Find a schedule, prove a bound, write both to a run folder with figures.
+
+    Ctrl-C once keeps the best so far, twice aborts.
+    """
+    from occontrol.cli.watch import exit_code, watched
+    from occontrol.core.errors import FileAccessError, InfeasibleError, SolveFailed
+    from occontrol.core.solution import Status
+    from occontrol.files.problem_file import read_problem
+    from occontrol.files.run_folder import check_writable
+
+    folder = default_folder(file) if out is None else out
+    with watched() as monitor:
+        problem = read_problem(file)
+        check_writable(folder)
+        try:
+            solution = run_method(problem, method, monitor)
+        except (InfeasibleError, SolveFailed) as error:
+            if json:
+                print_json(
+                    {"family": problem.family, "status": _status_of(error), "message": str(error), "method": method}
+                )
+            raise
+        usable = solution.status not in (Status.INFEASIBLE, Status.FAILED)
+        content: dict[str, Any] = solution.as_dict()
+        trouble: FileAccessError | None = None
+        if usable:
+            try:
+                content = write_with_figures(folder, problem, solution, figures)
+            except FileAccessError as error:
+                trouble = error  # the numbers are still worth printing
+        if json:
+            print_json(content)
+        else:
+            _print_summary(problem, solution, folder if usable and trouble is None else None)
+        if trouble is not None:
+            raise trouble
+        code = exit_code(monitor, solution.status.exit_code)
+    if code and (json or not usable):
+        note(solution.message or solution.status.text)
+    return code
+
+
+def default_folder(file: Path) -> Path:
+    """Where the run of a problem file goes when nobody says.
+
+    Parameters
+    ----------
+    file : the problem file
+    """
+    return Path("runs") / file.stem
+
+
+def run_method(problem: Any, name: str | None, monitor: Watched) -> Solution:
+    """Solve `problem` with the method called `name`, or its own, under the eyes of `monitor`.
+
+    Parameters
+    ----------
+    problem : of any family
+    name : method name, or None
+    monitor : Watched
+    """
+    from occontrol.library import choose_method
+    from occontrol.library import solve as library_solve
+
+    method = None if name is None else choose_method(problem, name)
+    options = method if method is not None else getattr(problem, "method", None)
+    monitor.target = getattr(options, "relative_gap", None)
+    return library_solve(problem, method, monitor)
+
+
+def write_with_figures(folder: Path, problem: Any, solution: Solution, figures: bool = True) -> dict[str, Any]:
+    """Write the run folder with pictures and report; return the content of result.json.
+
+    Parameters
+    ----------
+    folder : the run folder
+    problem : the problem
+    solution : Solution
+    figures : whether to draw
+
+    A picture that cannot be drawn is announced; it never costs the user the result.
+    """
+    from occontrol.files.run_folder import write_run
+
+    def draw(stage: Path, content: dict) -> None:
+        from occontrol.files.report import write_pictures_and_report
+
+        try:
+            write_pictures_and_report(stage, problem, solution, content)
+        except (ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RuntimeError) as error:
+            note(f"the figures could not be drawn: {type(error).__name__}: {error}")
+
+    return write_run(folder, problem, solution, draw if figures else None)
+
+
+def _status_of(error: Exception) -> str:
+    from occontrol.core.errors import InfeasibleError
+
+    return "infeasible" if isinstance(error, InfeasibleError) else "failed"
+
+
+def _print_summary(problem: Any, solution: Solution, folder: Path | None) -> None:
+    from occontrol.families import family_module
+
+    pairs = [("status", f"{solution.status}: {solution.message or solution.status.text}")]
+    pairs += family_module(problem.family).summarise(problem, solution)
+    if folder is not None:
+        pairs.append(("written", f"{folder}/"))
+    print_pairs(pairs)

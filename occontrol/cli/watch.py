@@ -1,0 +1,140 @@
+"""Watching a solve: a line of progress on a terminal, and Ctrl-C or SIGTERM as 'stop, keep the best so far'."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any
+
+from occontrol.core.monitor import Monitor
+
+RECENT = 40
+
+
+@dataclass
+class Watched(Monitor):
+    """A Monitor that also knows the relative gap that the solver works towards.
+
+    Parameters
+    ----------
+    target : relative gap, or None where there is none
+    """
+
+    target: float | None = None
+
+
+@contextmanager
+def watched() -> Iterator[Watched]:
+    """A Monitor that shows progress on a terminal and is interrupted by signals.
+
+    The first SIGINT or SIGTERM sets `interrupted`; after it the system's own handling returns, so that a second one
+    ends the process at once. The handlers are put back at the end.
+    """
+    monitor = Watched()
+    display = _display(monitor)
+    previous: dict[int, Any] = {}
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        monitor.interrupted = number
+        if display is not None:
+            display.stop()  # also brings the cursor back, should a second signal end the process
+        for each in previous:
+            signal.signal(each, signal.SIG_DFL)
+        # os.write: a print could be inside the very buffer that the signal interrupted
+        os.write(2, b"stopping; the best so far is kept (once more to abort at once)\n")
+
+    if threading.current_thread() is threading.main_thread():
+        for each in (signal.SIGINT, signal.SIGTERM):
+            previous[each] = signal.getsignal(each)
+        for each in previous:
+            signal.signal(each, stop)
+    try:
+        if display is not None:
+            display.start()
+        yield monitor
+    finally:
+        if display is not None:
+            display.stop()
+        for each, handler in previous.items():
+            signal.signal(each, handler)
+
+
+def exit_code(monitor: Monitor, code: int) -> int:
+    """The exit code of a solve that returned `code`: 130 or 143 when `monitor` was interrupted.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    code : exit code of the solution's status
+    """
+    return 128 + monitor.interrupted if monitor.interrupted else code
+
+
+def _display(monitor: Watched) -> Any:
+    if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
+        return None
+    from rich.console import Console
+    from rich.live import Live
+
+    console = Console(stderr=True, highlight=False, markup=False)
+    return Live(get_renderable=lambda: progress_text(monitor), console=console, refresh_per_second=5, transient=True)
+
+
+def progress_text(monitor: Watched) -> str:
+    """The line of progress: iteration, cost, bound, gap and the time left.
+
+    Parameters
+    ----------
+    monitor : Watched
+    """
+    elapsed = f"{monitor.seconds:.0f} s"
+    if not monitor.history:
+        return f"{monitor.stage or 'preparing'} · {elapsed}"
+    record = monitor.history[-1]
+    parts = [str(record.get("stage") or monitor.stage or "solving"), f"iteration {record['iteration']}"]
+    cost, bound = record["cost"], record["lower_bound"]
+    if math.isfinite(cost):
+        parts.append(f"cost {cost:.8g}")
+    if math.isfinite(bound):
+        parts.append(f"bound {bound:.8g}")
+        if math.isfinite(cost) and cost:
+            parts.append(f"gap {100 * (cost - bound) / abs(cost):.2g} %")
+    left = time_left(monitor)
+    return " · ".join(
+        [*parts, elapsed, *([f"about {left:.0f} s left" if left >= 1 else "nearly there"] if left is not None else [])]
+    )
+
+
+def time_left(monitor: Watched) -> float | None:
+    """Seconds until the gap reaches its target at its recent rate of decrease; never beyond the time limit.
+
+    Parameters
+    ----------
+    monitor : Watched, with its history
+
+    Returns None when nothing can be said.
+    """
+    limit = None if monitor.time_limit is None else max(0.0, monitor.time_limit - monitor.seconds)
+    stage = monitor.history[-1].get("stage") if monitor.history else None
+    points = []
+    for record in monitor.history[-RECENT:]:
+        gap = (record["cost"] - record["lower_bound"]) / abs(record["cost"]) if record["cost"] else 0.0
+        if record.get("stage") == stage and math.isfinite(gap) and gap > 0:
+            points.append((record["seconds"], math.log(gap)))
+    target = monitor.target
+    if not target or target <= 0 or len(points) < 5:
+        return limit
+    (t0, g0), (t1, g1) = points[0], points[-1]
+    if g1 <= math.log(target):
+        return 0.0
+    if t1 <= t0 or g1 >= g0:
+        return limit
+    guess = (g1 - math.log(target)) * (t1 - t0) / (g0 - g1) - (monitor.seconds - t1)
+    return max(0.0, guess) if limit is None else min(limit, max(0.0, guess))

@@ -1,0 +1,77 @@
+"""A folder of CSV files: schedule.csv, and one file per array with its times in the first columns.
+
+Arrays on nodes begin with t, arrays on intervals with start and end, others with their index. Matrices are written row
+by row: covariance_1_2 is the entry in row 1, column 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.solution import Solution
+from occontrol.files.tables import write_table
+
+FILE_NAMES = {"gain": "gains", "continuous_gain": "continuous_gains"}
+PER_SENSOR = ("weights", "switching")
+
+
+def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
+    """Write the CSV files of one run.
+
+    Parameters
+    ----------
+    problem : the problem, for the names of the sensors
+    solution : Solution
+    target : the folder, created if missing
+    """
+    target.mkdir(parents=True, exist_ok=True)
+    written = []
+    if solution.result.get("schedule"):
+        written.append(_schedule(solution.result["schedule"], target / "schedule.csv"))
+    arrays = solution.arrays
+    sensors: Sequence[str] = getattr(getattr(problem, "sensors", None), "names", ())
+    for name, array in arrays.items():
+        if name in ("times", "edges") or np.ndim(array) == 0:
+            continue
+        index_names, index = _index(array, arrays)
+        flat = np.reshape(array, (len(array), -1))
+        columns = _columns(name, array.shape[1:], sensors)
+        path = target / f"{FILE_NAMES.get(name, name)}.csv"
+        rows = ([*i, *row] for i, row in zip(index, flat, strict=True))
+        written.append(write_table(path, [*index_names, *columns], rows))
+    return written
+
+
+def _schedule(schedule: Sequence[dict], path: Path) -> Path:
+    """start,end,sensors for schedules in continuous time; whatever the records hold for the others."""
+    header = list(dict.fromkeys(key for record in schedule for key in record))
+    rows = ([_cell(record.get(key, "")) for key in header] for record in schedule)
+    return write_table(path, header, rows)
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return ";".join(repr(entry) if isinstance(entry, float) else str(entry) for entry in value)
+    return "" if value is None else value
+
+
+def _index(array: np.ndarray, arrays: Any) -> tuple[list[str], Sequence[Sequence[Any]]]:
+    times, edges = arrays.get("times"), arrays.get("edges")
+    if times is not None and len(array) == len(times):
+        return ["t"], [[float(t)] for t in times]
+    if edges is not None and len(array) == len(edges) - 1:
+        return ["start", "end"], [[float(a), float(b)] for a, b in pairwise(edges)]
+    return ["k"], [[k] for k in range(len(array))]
+
+
+def _columns(name: str, shape: tuple[int, ...], sensors: Sequence[str]) -> list[str]:
+    if name in PER_SENSOR and shape == (len(sensors),):
+        return list(sensors)
+    if not shape:
+        return [name]
+    return [f"{name}_" + "_".join(str(i + 1) for i in entry) for entry in np.ndindex(*shape)]

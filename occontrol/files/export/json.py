@@ -1,0 +1,32 @@
+"""One JSON file: names, result, schedule and every array of a run (times, gains, covariance, F and Q if there)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from occontrol.core.solution import Solution
+from occontrol.files.json_text import to_json
+
+
+def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
+    """Write one JSON file.
+
+    Parameters
+    ----------
+    problem : the problem
+    solution : Solution
+    target : the file
+    """
+    content = {
+        "name": problem.name,
+        "family": problem.family,
+        "method": solution.method,
+        "sensors": getattr(getattr(problem, "sensors", None), "names", None),
+        "schedule": solution.result.get("schedule"),
+        "result": {key: value for key, value in solution.result.items() if key != "schedule"},
+        "arrays": dict(solution.arrays),
+    }
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(to_json(content), encoding="utf-8")
+    return [target]

@@ -1,0 +1,83 @@
+"""CSV files that leave: measurements, truth, estimates. Numbers are written so that they read back identically."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.errors import FileAccessError
+from occontrol.core.measurement import Estimate, Measurement
+from occontrol.core.trajectory import Trajectory
+
+
+def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
+    """Write a CSV file and return its path; NaN becomes an empty field.
+
+    Parameters
+    ----------
+    path : the file
+    header : column names
+    rows : texts and numbers
+
+    Raises FileAccessError.
+    """
+    try:
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(header)
+            for row in rows:
+                writer.writerow([_field(entry) for entry in row])
+    except OSError as error:
+        raise FileAccessError(f"cannot write {path}: {error.strerror or error}") from error
+    return Path(path)
+
+
+def _field(entry: Any) -> str:
+    if isinstance(entry, float | np.floating):
+        return repr(float(entry)) if np.isfinite(entry) else ""
+    return str(entry)
+
+
+def write_measurements(path: str | Path, measurements: Sequence[Measurement]) -> Path:
+    """Write a measurement file: t, sensor, z1, z2, ..
+
+    Parameters
+    ----------
+    path : the file
+    measurements : list of Measurement
+    """
+    width = max((len(m.values) for m in measurements), default=1)
+    rows = ([float(m.time), m.sensor, *m.values, *[""] * (width - len(m.values))] for m in measurements)
+    return write_table(path, ["t", "sensor", *(f"z{i + 1}" for i in range(width))], rows)
+
+
+def write_truth(path: str | Path, truth: Trajectory) -> Path:
+    """Write a true trajectory: t, x1, x2, ..
+
+    Parameters
+    ----------
+    path : the file
+    truth : Trajectory with values (N+1, n)
+    """
+    names = [f"x{i + 1}" for i in range(truth.values.shape[1])]
+    return write_table(path, ["t", *names], ([float(t), *x] for t, x in zip(truth.times, truth.values, strict=True)))
+
+
+def write_estimate(path: str | Path, estimate: Estimate) -> Path:
+    """Write what a filter found: t, x1.., sd_x1.., w1.., sd_w1.., nis.
+
+    Parameters
+    ----------
+    path : the file
+    estimate : Estimate
+    """
+    n, p = estimate.mean.shape[1], estimate.predicted.shape[1]
+    header = ["t", *(f"x{i + 1}" for i in range(n)), *(f"sd_x{i + 1}" for i in range(n))]
+    header += [*(f"w{i + 1}" for i in range(p)), *(f"sd_w{i + 1}" for i in range(p)), "nis"]
+    parts = [estimate.times[:, None], estimate.mean, estimate.standard_deviation]
+    parts += [estimate.predicted, estimate.predicted_deviation, estimate.nis[:, None]]
+    return write_table(path, header, np.hstack(parts))

@@ -1,0 +1,149 @@
+"""The calls of the library that work for every family: each finds the family by the problem and hands over."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from occontrol.core.errors import UsageError
+from occontrol.core.monitor import Monitor
+from occontrol.core.solution import Solution
+from occontrol.families import FAMILIES, family_module
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from occontrol.core.measurement import Estimate, Measurement
+    from occontrol.core.schedule import Schedule
+
+
+def suggest(name: str, known: Iterable[str]) -> str:
+    """A hint for the misspelt `name`: the closest of the `known` names, or all of them."""
+    known = list(known)
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean '{close[0]}'?" if close else "there are: " + ", ".join(known)
+
+
+def choose_method(problem: Any, name: str) -> Any:
+    """The options object of the method `name` for `problem`.
+
+    Options that the problem states for its own method and that the named one has too, such as relative_gap, are kept.
+
+    Parameters
+    ----------
+    problem : the problem of any family
+    name : one of the family's METHODS
+
+    Raises UsageError for an unknown name.
+    """
+    methods = family_module(problem.family).METHODS
+    if name not in methods:
+        raise UsageError(f"family {problem.family} has no method '{name}'\n  hint: {suggest(name, methods)}")
+    own = getattr(problem, "method", None)
+    if own is None or isinstance(own, methods[name]):
+        return methods[name]() if own is None else own
+    known = {f.name for f in dataclasses.fields(methods[name]) if f.init}
+    stated = {f.name: getattr(own, f.name) for f in dataclasses.fields(own) if getattr(own, f.name) != f.default}
+    return methods[name](**{option: value for option, value in stated.items() if option in known})
+
+
+def _ability(problem: Any, name: str, what: str) -> Any:
+    function = getattr(family_module(problem.family), name, None)
+    if function is None:
+        able = [f for f in FAMILIES if _offers(f, name)]
+        hint = f"\n  hint: these can: {', '.join(able)}" if able else ""
+        raise UsageError(f"family {problem.family} cannot {what}{hint}")
+    return function
+
+
+def _offers(family: str, name: str) -> bool:
+    try:
+        return hasattr(family_module(family), name)
+    except ModuleNotFoundError:
+        return False
+
+
+def solve(problem: Any, method: Any = None, monitor: Monitor | None = None) -> Solution:
+    """Solve a problem of any family.
+
+    Parameters
+    ----------
+    problem : from `read_problem`, or built in Python
+    method : an options object such as `HMinimal()`, the name of a method, or None for the problem's own
+    monitor : Monitor to watch and stop the work, optional
+
+    Returns a Solution: schedule, certificate, covariance. Raises InfeasibleError when no schedule exists, UsageError
+    for an unknown method, SolveFailed when a solver ends with nothing usable.
+    """
+    if isinstance(method, str):
+        method = choose_method(problem, method)
+    solution = family_module(problem.family).solve(problem, method, monitor)
+    return dataclasses.replace(solution, problem=problem)
+
+
+def certify(problem: Any, schedule: Schedule) -> Solution:
+    """Cost, lower bound and gap of a schedule that anybody wrote, all recomputed.
+
+    Parameters
+    ----------
+    problem : a problem whose family proves bounds (athans)
+    schedule : Schedule, for example from `read_schedule`
+
+    Raises UsageError for families without bounds.
+    """
+    solution = _ability(problem, "certify", "certify schedules")(problem, schedule)
+    return dataclasses.replace(solution, problem=problem) if isinstance(solution, Solution) else solution
+
+
+def simulate(problem: Any, solution: Solution | None, seed: int = 0) -> tuple[list[Measurement], Any]:
+    """A true trajectory and what the scheduled sensors would report of it.
+
+    Parameters
+    ----------
+    problem : the problem
+    solution : Solution whose schedule is followed
+    seed : of the random generator; the same seed gives the same data
+
+    Returns (measurements, truth). Raises UsageError for families that cannot.
+    """
+    return _ability(problem, "simulate", "simulate measurements")(problem, solution, seed)
+
+
+def run_filter(problem: Any, solution: Solution, measurements: Sequence[Measurement]) -> Estimate:
+    """The estimate that the schedule's filter makes of measurements.
+
+    Parameters
+    ----------
+    problem : the problem
+    solution : Solution whose schedule and gains are used
+    measurements : list of Measurement
+
+    Raises UsageError for families without such a filter, ProblemError when the measurements do not fit the schedule.
+    """
+    return _ability(problem, "run_filter", "filter a measurement file")(problem, solution, measurements)
+
+
+def plot(solution: Solution, problem: Any = None, figure: str | None = None) -> dict[str, Figure] | Figure:
+    """Pictures of a solution, as matplotlib Figures.
+
+    Parameters
+    ----------
+    solution : Solution
+    problem : the problem, where the solution does not carry it
+    figure : the name of one figure, for example "overview"; all of them, by name, if left out
+
+    Raises UsageError when there is no such figure.
+    """
+    from occontrol.files.figures import figures_of
+
+    problem = problem if problem is not None else solution.problem
+    if problem is None:
+        raise UsageError("the solution does not carry its problem\n  hint: occontrol.plot(solution, problem)")
+    drawn = figures_of(problem, solution)
+    if figure is None:
+        return drawn
+    if figure not in drawn:
+        raise UsageError(f"there is no figure '{figure}'\n  hint: {suggest(figure, drawn)}")
+    return drawn[figure]
