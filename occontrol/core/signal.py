@@ -136,6 +136,8 @@ class TableSignal(Signal):
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "_flat", values.reshape(len(values), -1))
+        # one matrix held for ever is a constant that happens to live in a file
+        object.__setattr__(self, "constant", len(times) == 1 and self.interpolation == "previous")
 
     @property
     def shape(self) -> tuple[int, int]:  # type: ignore[override]
