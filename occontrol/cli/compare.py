@@ -133,7 +133,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
 def _write(folder: Path, problem: Any, solutions: dict[str, Solution], rows: list[dict[str, Any]], quiet: bool) -> None:
     from occontrol.core.errors import FileAccessError
     from occontrol.files.figures import compare_figure, save
-    from occontrol.files.json_text import to_json
+    from occontrol.files.plain_json import to_json
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -76,7 +76,7 @@ def print_json(value: object) -> None:
     ----------
     value : nested mappings, sequences, arrays and numbers
     """
-    from occontrol.files.json_text import to_json
+    from occontrol.files.plain_json import to_json
 
     sys.stdout.write(to_json(value))
     sys.stdout.flush()

@@ -22,7 +22,7 @@ import numpy as np
 from occontrol.core.errors import FileAccessError, Mistake, ProblemError
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status
-from occontrol.files.json_text import read_json, to_json
+from occontrol.files.plain_json import load_json, to_json
 
 PROBLEM, RESULT, ARRAYS = "problem.json", "result.json", "arrays.npz"
 COMMITTED = ".incoming"
@@ -138,7 +138,7 @@ def read_run(folder: str | Path) -> tuple[Any, Solution]:
     folder = Path(folder)
     result_path, problem_path, arrays_path = (_locate(folder, name) for name in (RESULT, PROBLEM, ARRAYS))
     try:
-        content = read_json(result_path)
+        content = load_json(result_path)
         if not isinstance(content, dict) or any(key not in content for key in ("family", "status", "method")):
             raise ProblemError(
                 Mistake((), "not the result of a run: family, status or method is missing", place=str(result_path))
@@ -146,7 +146,7 @@ def read_run(folder: str | Path) -> tuple[Any, Solution]:
         if content["status"] not in list(Status):
             raise ProblemError(Mistake((), f"unknown status '{content['status']}'", place=str(result_path)))
         _check_digests(content, {PROBLEM: problem_path, ARRAYS: arrays_path}, result_path)
-        problem = read_document(read_json(problem_path), str(problem_path))
+        problem = read_document(load_json(problem_path), str(problem_path))
         arrays = _read_arrays(arrays_path)
     except OSError as error:
         raise FileAccessError(f"cannot read {folder}: {error.strerror or error}") from error

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from occontrol.core.solution import Solution
-from occontrol.files.json_text import to_json
+from occontrol.files.plain_json import to_json
 
 
 def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
