@@ -1,0 +1,281 @@
+"""Riccati flows over whole spans, as scattering elements that compose.
+
+The flow of   dP/dt = A P + P A' + P S P + W   from t to t + h, whatever P is, stands in three matrices (F, Q, O):
+    P(t+h) = Q + F (P(t)^-1 + O)^-1 F'
+Q is where P = 0 goes, -O is the largest P^-1 that escapes within the span. Two spans compose by the star product below.
+Short spans come from the exponential of the Hamiltonian matrix [[A, W], [-S, -A']], long ones by doubling: no inverse
+of P, no growing exponential, so stiff sensors and long spans lose nothing. Time-varying spans: sixth-order Magnus steps,
+bisected where a step and its two halves differ. Sources: Redheffer (1962) for the star product; Blanes, Casas & Ros
+(2000) for the Magnus coefficients.
+Unknowns and order: an element is a tuple (F, Q, O) of (..., n, n) arrays; the leading axes are a batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import expm
+
+from occontrol.core.errors import SolveFailed
+from occontrol.core.signal import Signal
+
+Element = tuple[np.ndarray, np.ndarray, np.ndarray]
+TOLERANCE = 2e-14
+SHORT = 0.5  # |H| h of a span on which no escape from P = 0 is possible
+MAX_PIECES = 200_000
+
+
+def _t(a: np.ndarray) -> np.ndarray:
+    return np.swapaxes(a, -1, -2)
+
+
+def _even(a: np.ndarray) -> np.ndarray:
+    return (a + _t(a)) / 2
+
+
+def star(first: Element, second: Element) -> Element:
+    """The element of `first` followed by `second`.
+
+    With G = (I + Q1 O2)^-1:   F = F2 G F1,   Q = Q2 + F2 G Q1 F2',   O = O1 + F1' O2 G F1
+    """
+    F1, Q1, O1 = first
+    F2, Q2, O2 = second
+    G = np.linalg.inv(np.eye(F1.shape[-1]) + Q1 @ O2)
+    FG, GF = F2 @ G, G @ F1
+    return FG @ F1, _even(Q2 + FG @ Q1 @ _t(F2)), _even(O1 + _t(F1) @ O2 @ GF)
+
+
+def compose_exists(first: Element, second: Element) -> np.ndarray:
+    """Whether P = 0 at the start survives both spans: eigenvalues of Q1 O2 above -1 (without sensors: exact)."""
+    values, vectors = np.linalg.eigh(first[1])
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+    inner = np.eye(values.shape[-1]) + _t(root) @ second[2] @ root
+    return np.linalg.eigvalsh(inner)[..., 0] > 0
+
+
+def _checked(first: Element, second: Element, exists: np.ndarray | None) -> Element:
+    """The star product; clears `exists` (T,) where P = 0 escapes, and puts the empty span there."""
+    if exists is None:
+        return star(first, second)
+    lives = compose_exists(first, second)
+    exists &= lives if lives.ndim == 1 else np.all(lives, axis=1)
+    n = first[0].shape[-1]
+    calm = [np.where(lives[..., None, None], part, empty) for part, empty in zip(second, identity(n), strict=True)]
+    return star(first, tuple(calm))  # type: ignore[arg-type]
+
+
+def advance(P: np.ndarray, element: Element) -> np.ndarray:
+    """P at the end of the span:  Q + F P (I + O P)^-1 F'   (P may be singular)."""
+    F, Q, O = element
+    inner = np.linalg.solve(np.eye(P.shape[-1]) + P @ O, P)
+    return _even(Q + F @ _even(inner) @ _t(F))
+
+
+def retreat(P: np.ndarray, weight: np.ndarray, element: Element) -> np.ndarray:
+    """Adjoint of `advance`: the gradient before the span of <weight, P after>, at the P before."""
+    F, _, O = element
+    J = F @ np.linalg.inv(np.eye(P.shape[-1]) + P @ O)
+    return _even(_t(J) @ weight @ J)
+
+
+def identity(n: int, batch: tuple[int, ...] = ()) -> Element:
+    """The element of an empty span."""
+    return np.broadcast_to(np.eye(n), (*batch, n, n)).copy(), np.zeros((*batch, n, n)), np.zeros((*batch, n, n))
+
+
+def _from_transfer(M: np.ndarray) -> Element:
+    """(F, Q, O) from the 2n x 2n transfer matrix of the Hamiltonian system."""
+    n = M.shape[-1] // 2
+    inverse = np.linalg.inv(M[..., n:, n:])
+    return _t(inverse), _even(M[..., :n, n:] @ inverse), _even(inverse @ M[..., n:, :n])
+
+
+def _block(A: np.ndarray, W: np.ndarray, S: np.ndarray) -> np.ndarray:
+    top = np.concatenate([A, W], axis=-1)
+    return np.concatenate([top, np.concatenate([-S, -_t(A)], axis=-1)], axis=-2)
+
+
+def _size(a: np.ndarray) -> float:
+    return float(np.max(np.sum(np.abs(a), axis=(-2, -1)), initial=0.0))
+
+
+class Flow:
+    """The game Riccati flow of a plant with sensors, span by span.
+
+    dP/dt = A P + P A' + P (K'K - sum_j v_j C_j'C_j) P + B B'
+
+    Parameters
+    ----------
+    A, B, K : Signals (n, n), (n, p), (q, n)
+    rows : one Signal (m_j, n) per sensor, the scaled C_j
+    gain : a factor on K
+
+    `elements` gives the span elements for any weights v; complex weights are welcome, which gives exact derivatives
+    (the imaginary part of the element at v + i e d is e times the derivative along d).
+    """
+
+    def __init__(self, A: Signal, B: Signal, K: Signal, rows: Sequence[Signal] = (), gain: float = 1.0):
+        self.A, self.B, self.K, self.rows, self.gain = A, B, K, tuple(rows), gain
+        self.n = A.shape[0]
+        signals = [A, B, K, *self.rows]
+        self.constant = all(s.constant for s in signals)
+        self.cuts = np.unique(np.concatenate([np.empty(0), *(s.breakpoints for s in signals)]))
+        if self.constant:
+            self._parts = self._sample(np.zeros(1))
+        self._scale = self._balance()
+
+    @property
+    def rate(self) -> float:
+        """The size of the plant's scaled Hamiltonian (of a constant plant): 1/rate is its fastest time."""
+        return float(max(self._exponents(np.zeros(1), np.zeros((1, len(self.rows))))[1][0], 1e-300))
+
+    def scaled(self, factor: float) -> Flow:
+        """The same with K multiplied by a factor."""
+        return Flow(self.A, self.B, self.K, self.rows, self.gain * factor)
+
+    def _sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A, BB', K'K (T, n, n) and C'C (T, M, n, n)."""
+        A, B, K = (s.sample(times) for s in (self.A, self.B, self.K))
+        C = [s.sample(times) for s in self.rows]
+        L = np.stack([_t(c) @ c for c in C], axis=1) if C else np.zeros((len(times), 0, self.n, self.n))
+        return A, B @ _t(B), self.gain**2 * (_t(K) @ K), L
+
+    def _balance(self) -> float:
+        """One factor s on the state (P to s^2 P) that makes BB' and K'K alike in size."""
+        _, W, KK, _ = self._parts if self.constant else self._sample(np.concatenate([np.zeros(1), self.cuts[:20]]))
+        w, k = _size(W), _size(KK)
+        return float((k / w) ** 0.25) if w > 0 and k > 0 and np.isfinite(k / w) else 1.0
+
+    def _exponents(self, times: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Scaled Hamiltonian matrices (T, 2n, 2n) and the size of their parts (T,); weights (T, M)."""
+        A, W, KK, L = self._parts if self.constant else self._sample(times)
+        s2 = self._scale**2
+        S = (KK - np.einsum("tm,tmij->tij", weights, np.broadcast_to(L, (len(times), *L.shape[1:])))) / s2
+        A, W = np.broadcast_to(A, S.shape), np.broadcast_to(W, S.shape) * s2
+        size = sum(np.sum(np.abs(m), axis=(1, 2)) for m in (A, W, S, np.broadcast_to(KK, S.shape) / s2))
+        return _block(A, W, S), size
+
+    def elements(self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray | None = None) -> Element:
+        """Elements of many spans: starts, ends (T,); weights (T, M), zero if left out (no sensor)."""
+        starts, ends = np.atleast_1d(np.asarray(starts, dtype=float)), np.atleast_1d(np.asarray(ends, dtype=float))
+        if weights is None:
+            weights = np.zeros((len(starts), len(self.rows)))
+        return self._spans(starts, ends, weights, None)
+
+    def free_elements(self, starts: np.ndarray, ends: np.ndarray) -> tuple[Element, np.ndarray]:
+        """Elements of many spans without a sensor, and (T,) whether P = 0 at the start survives each of them.
+
+        Where it does not, X does not exist on the span, and the element has no meaning.
+        """
+        starts, ends = np.atleast_1d(np.asarray(starts, dtype=float)), np.atleast_1d(np.asarray(ends, dtype=float))
+        exists = np.ones(len(starts), dtype=bool)
+        return self._spans(starts, ends, np.zeros((len(starts), len(self.rows))), exists), exists
+
+    def _spans(self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray, exists: np.ndarray | None) -> Element:
+        F, Q, O = (self._constant if self.constant else self._varying)(starts, ends, weights, exists)
+        return F, Q / self._scale**2, O * self._scale**2
+
+    def element(self, start: float, end: float, sensor: int | None = None) -> Element:
+        """The element of one span with one sensor, or with none."""
+        weights = np.zeros((1, len(self.rows)))
+        if sensor is not None:
+            weights[0, sensor] = 1.0
+        F, Q, O = self.elements(np.array([start]), np.array([end]), weights)
+        return F[0], Q[0], O[0]
+
+    def _constant(self, starts, ends, weights: np.ndarray, exists: np.ndarray | None) -> Element:
+        H, size = self._exponents(starts, weights)
+        h = ends - starts
+        doublings = max(0, int(np.ceil(np.log2(max(float(np.max(size * h)) / SHORT, 1e-300)))))
+        element = _from_transfer(expm(H * (h / 2.0**doublings)[:, None, None]))
+        for _ in range(doublings):
+            element = _checked(element, element, exists)
+        return element
+
+    def _varying(self, starts, ends, weights: np.ndarray, exists: np.ndarray | None) -> Element:
+        a, b, owner = self._initial_pieces(starts, ends, weights)
+        done: list[tuple[np.ndarray, ...]] = []
+        total = 0
+        floor = 1e-11 * np.maximum(np.max(np.abs(ends - starts), initial=0.0), 1e-300)
+        while len(a):
+            middle = (a + b) / 2
+            whole = self._magnus(a, b, weights[owner])
+            left, right = self._magnus(a, middle, weights[owner]), self._magnus(middle, b, weights[owner])
+            halves = right @ left
+            error = np.max(np.abs(halves - whole), axis=(1, 2)) / np.max(np.abs(halves), axis=(1, 2))
+            good = (error <= TOLERANCE * 64) | (b - a <= floor)
+            if not np.all(np.isfinite(error)):
+                k = int(np.argmin(np.isfinite(error)))
+                raise SolveFailed(f"the plant is not finite between t = {a[k]:.8g} and {b[k]:.8g}")
+            for m, x in ((left, a), (right, middle)):
+                done.append((m[good], x[good], owner[good]))
+            total += 2 * int(np.sum(good))
+            a, b, owner = (np.concatenate(p) for p in ((a[~good], middle[~good]), (middle[~good], b[~good]), (owner[~good],) * 2))
+            if total + len(a) > MAX_PIECES:
+                raise SolveFailed(
+                    f"the plant cannot be integrated near t = {a[0]:g} in {MAX_PIECES} steps\n"
+                    "  hint: A, B, K or C changes too fast there; use a table with a time at each jump"
+                )
+        M, x, who = (np.concatenate(p) for p in zip(*done, strict=True))
+        order = np.lexsort((x, who))
+        return self._reduce(_from_transfer(M[order]), who[order], len(starts), exists)
+
+    def _initial_pieces(self, starts, ends, weights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Spans cut at the tables' times and so short that no piece can hold an escape from P = 0."""
+        a, b, owner = [], [], []
+        for i, (s, e) in enumerate(zip(starts, ends, strict=True)):
+            slack = 1e-13 * abs(e - s)
+            nodes = np.concatenate([[s], self.cuts[(self.cuts > s + slack) & (self.cuts < e - slack)], [e]])
+            a += list(nodes[:-1])
+            b += list(nodes[1:])
+            owner += [i] * (len(nodes) - 1)
+        a, b, owner = np.array(a), np.array(b), np.array(owner, dtype=int)
+        while True:
+            share = np.linspace(0.02, 0.98, 7)
+            times = (a[:, None] + (b - a)[:, None] * share).ravel()
+            size = self._exponents(times, np.repeat(np.abs(weights[owner]), len(share), axis=0))[1].reshape(len(a), -1)
+            if not np.all(np.isfinite(size)):
+                k = int(np.argmin(np.all(np.isfinite(size), axis=1)))
+                raise SolveFailed(f"the plant is not finite between t = {a[k]:.8g} and {b[k]:.8g}")
+            long = np.max(size, axis=1) * (b - a) > 2 * SHORT
+            if not np.any(long):
+                return a, b, owner
+            if len(a) > MAX_PIECES:
+                raise SolveFailed(f"the plant changes too fast near t = {a[np.argmax(long)]:g}")
+            middle = (a + b) / 2
+            a, b, owner = (
+                np.concatenate([a, middle[long]]),
+                np.concatenate([np.where(long, middle, b), b[long]]),
+                np.concatenate([owner, owner[long]]),
+            )
+
+    def _magnus(self, a: np.ndarray, b: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """One sixth-order step of the Hamiltonian system over each [a, b]."""
+        h = b - a
+        offsets = np.array([0.5 - np.sqrt(15) / 10, 0.5, 0.5 + np.sqrt(15) / 10])
+        times = (a[:, None] + h[:, None] * offsets).ravel()
+        H = self._exponents(times, np.repeat(weights, 3, axis=0))[0]
+        H = H.reshape(len(a), 3, 2 * self.n, 2 * self.n) * h[:, None, None, None]
+        first, second, third = H[:, 0], H[:, 1], H[:, 2]
+        a1, a2, a3 = second, np.sqrt(15) / 3 * (third - first), 10 / 3 * (third - 2 * second + first)
+        c1 = a1 @ a2 - a2 @ a1
+        inner = 2 * a3 + c1
+        c2 = -(a1 @ inner - inner @ a1) / 60
+        x, y = -20 * a1 - a3 + c1, a2 + c2
+        return expm(a1 + a3 / 12 + (x @ y - y @ x) / 240)
+
+    def _reduce(self, pieces: Element, owner: np.ndarray, count: int, exists: np.ndarray | None) -> Element:
+        """The star product of every owner's pieces, in pairs."""
+        sizes = np.bincount(owner, minlength=count)
+        width = 1 << max(0, int(np.max(sizes) - 1).bit_length())
+        place = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+        padded = []
+        for part, empty in zip(pieces, identity(self.n, (count, width)), strict=True):
+            empty = empty.astype(part.dtype)
+            empty[owner, place] = part
+            padded.append(empty)
+        while padded[0].shape[1] > 1:
+            first, second = tuple(p[:, 0::2] for p in padded), tuple(p[:, 1::2] for p in padded)
+            padded = list(_checked(first, second, exists))  # type: ignore[arg-type]
+        return padded[0][:, 0], padded[1][:, 0], padded[2][:, 0]
