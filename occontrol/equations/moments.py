@@ -1,0 +1,131 @@
+"""Second moments of state and measurement, and what a measurement of given precision makes of them.
+
+Unknowns: lambda (m,), the precision (inverse noise variance) of every scalar measurement; S = diag(lambda).
+P = M Sigma_xx M' (the block of the state that is bounded), G = M Sigma_xy, Y = Sigma_yy. Das & Bhattacharya, section 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Joint second moments of n states and m scalar measurements, before noise.
+
+    Parameters
+    ----------
+    state : (n, n) P, [state unit]^2
+    cross : (n, m) G
+    measurement : (m, m) Y; may be singular
+    anomalies : (n + m, N) a factor of the joint moment, [P G; G' Y] = anomalies anomalies', where there is one:
+        rank decisions are then made on singular values, which keep twice the digits
+
+    Das & Bhattacharya, equations (9), (10), (12), (13).
+    """
+
+    state: np.ndarray
+    cross: np.ndarray
+    measurement: np.ndarray
+    anomalies: np.ndarray | None = None
+
+    @property
+    def states(self) -> int:
+        """The number n of bounded states."""
+        return self.state.shape[0]
+
+    @property
+    def sensors(self) -> int:
+        """The number m of scalar measurements."""
+        return self.measurement.shape[0]
+
+    def only(self, index: Sequence[int] | np.ndarray) -> Moments:
+        """The moments of a subset of the measurements."""
+        index = np.asarray(index, dtype=int)
+        anomalies = self.anomalies
+        if anomalies is not None:
+            anomalies = np.vstack([anomalies[: self.states], anomalies[self.states + index]])
+        return Moments(self.state, self.cross[:, index], self.measurement[np.ix_(index, index)], anomalies)
+
+    def given(self, precisions: np.ndarray) -> Moments:
+        """The moments that are left after a measurement with `precisions` (m,); zero is not measured.
+
+        Both the states and the noise-free measurements are conditioned, so that further sensors can be chosen on top.
+        """
+        joint = np.block([[self.state, self.cross], [self.cross.T, self.measurement]])
+        n = self.states
+        after = posterior_covariance(Moments(joint, joint[:, n:], self.measurement), precisions)
+        anomalies = None
+        if self.anomalies is not None:
+            anomalies = self.anomalies @ square_root_transform(self.anomalies[n:], precisions)
+            after = anomalies @ anomalies.T
+        return Moments(after[:n, :n], after[:n, n:], after[n:, n:], anomalies)
+
+
+def moments_of_anomalies(state: np.ndarray, measurement: np.ndarray) -> Moments:
+    """Moments of anomalies (n, N) and (m, N) that already hold the square roots of the weights.
+
+    P = A_x A_x',  G = A_x A_y',  Y = A_y A_y'
+
+    Das & Bhattacharya, equations (9) and (10), with the factor 1/(N-1) inside the anomalies.
+    """
+    return Moments(state @ state.T, state @ measurement.T, measurement @ measurement.T, np.vstack([state, measurement]))
+
+
+def _scaled(measurement: np.ndarray, precisions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    root = np.sqrt(np.asarray(precisions, dtype=float))
+    return root, np.eye(len(root)) + root[:, None] * measurement * root
+
+
+def posterior_covariance(moments: Moments, precisions: np.ndarray) -> np.ndarray:
+    """Covariance (n, n) of the states after measurements with `precisions` (m,) >= 0.
+
+    Sigma+ = P - G S^(1/2) (I + S^(1/2) Y S^(1/2))^-1 S^(1/2) G'
+
+    Equal to equation (11) of Das & Bhattacharya with R = S^-1, and valid for zero precisions and singular Y.
+    """
+    from scipy.linalg import cholesky, solve_triangular
+
+    root, inner = _scaled(moments.measurement, precisions)
+    half = solve_triangular(cholesky(inner, lower=True), (moments.cross * root).T, lower=True)
+    return moments.state - half.T @ half
+
+
+def gain(cross: np.ndarray, measurement: np.ndarray, precisions: np.ndarray) -> np.ndarray:
+    """Kalman gain (n, m) for `precisions` (m,), zero columns where the precision is zero.
+
+    K = G S (I + Y S)^-1 = G S^(1/2) (I + S^(1/2) Y S^(1/2))^-1 S^(1/2)
+
+    Das & Bhattacharya, equation (8), in a form that needs no noise covariance.
+    """
+    root, inner = _scaled(measurement, precisions)
+    return np.linalg.solve(inner, (cross * root).T).T * root
+
+
+def square_root_transform(measurement: np.ndarray, precisions: np.ndarray) -> np.ndarray:
+    """Symmetric T (N, N) with anomalies after = anomalies before @ T, for measurement anomalies (m, N).
+
+    T = (I + A_y' S A_y)^(-1/2)
+
+    Its square gives exactly equation (11); with mean-centred anomalies T 1 = 1, so the mean stays where it is.
+    """
+    count = measurement.shape[1]
+    eigenvalues, vectors = np.linalg.eigh(np.eye(count) + measurement.T @ (np.asarray(precisions)[:, None] * measurement))
+    return (vectors / np.sqrt(np.maximum(eigenvalues, 1.0))) @ vectors.T
+
+
+def printed_blocks(moments: Moments, bound: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Constant (n+m, n+m) and factors (m, n+m) of the matrix inequality as it is printed: it needs Y nonsingular.
+
+    [[P^d - P, 0], [0, Y^-1]] + sum_i lambda_i f_i f_i' >= 0,  f_i = [g_i; e_i]
+
+    Das & Bhattacharya, equation (16). Kept for comparison; the solvers use `solvers.precision_normal`.
+    """
+    n, m = moments.states, moments.sensors
+    constant = np.zeros((n + m, n + m))
+    constant[:n, :n] = bound - moments.state
+    constant[n:, n:] = np.linalg.inv(moments.measurement)
+    return constant, np.hstack([moments.cross.T, np.eye(m)])
