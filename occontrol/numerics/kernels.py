@@ -117,8 +117,12 @@ def forward_small(k0, k1, S, T, F, FT, Q, predict, rows, row_set, offsets, steps
 
 
 @njit(**_OPTIONS)
-def backward_small(k0, k1, V, U, F, predict, rows, row_set, offsets, steps, v, upper, cost, store, gradient, T):
-    """Rows k1-1..k0 of the gradient without a running weight; V (p, n) with P = V'V is changed in place."""
+def backward_small(k0, k1, V, U, F, predict, rows, row_set, offsets, steps, v, upper, cost, store, gradient, T, G):
+    """Rows k1-1..k0 of the gradient without a running weight; V (p, n) with P = V'V is changed in place.
+
+    G (N, r, p), unless empty, receives c_r'x with x = S+ V' for the Hessian products.
+    """
+    remember = G.shape[0] > 0
     p, n = V.shape
     M = offsets.shape[0] - 1
     for k in range(k1 - 1, k0 - 1, -1):
@@ -143,6 +147,8 @@ def backward_small(k0, k1, V, U, F, predict, rows, row_set, offsets, steps, v, u
                         for i in range(n):
                             d += c[r, i] * U[a, i]
                         total += d * d
+                        if remember:
+                            G[k, r, a] = d
                         if w > 0.0:
                             d *= w
                             for i in range(n):
@@ -366,24 +372,27 @@ def forward_large(k0, k1, S, T, F, Q, predict, rows, row_set, offsets, steps, v,
 
 
 @njit(**_OPTIONS)
-def backward_large(k0, k1, V, U, F, predict, rows, row_set, offsets, steps, v, upper, cost, store, gradient, G):
-    """backward_small for large n; G (r, p) holds C U'."""
+def backward_large(k0, k1, V, U, F, predict, rows, row_set, offsets, steps, v, upper, cost, store, gradient, work, G):
+    """backward_small for large n; work (r, p) holds C U'."""
+    remember = G.shape[0] > 0
     p, n = V.shape
     M = offsets.shape[0] - 1
     for k in range(k1 - 1, k0 - 1, -1):
         np.dot(V, store[k - k0], U)
         c = rows[row_set[k]]
         h = steps[k]
-        np.dot(c, U.T, G)
+        np.dot(c, U.T, work)
+        if remember:
+            G[k, :, :] = work
         for j in range(M):
             total = 0.0
             w = h * v[k, j]
             for r in range(offsets[j], offsets[j + 1]):
                 for a in range(p):
-                    total += G[r, a] * G[r, a]
+                    total += work[r, a] * work[r, a]
                 if w > 0.0:
                     for a in range(p):
-                        x = w * G[r, a]
+                        x = w * work[r, a]
                         for i in range(n):
                             V[a, i] -= x * c[r, i]
             gradient[k, j] = cost[k, j] - (h * total if upper[k, j] > 0.0 else 0.0)

@@ -67,7 +67,8 @@ def unvech(packed: Any) -> Any:
     position = {(int(i), int(j)): k for k, (i, j) in enumerate(zip(rows, columns, strict=True))}
     import casadi
 
-    return casadi.horzcat(*[casadi.vertcat(*[packed[position[max(i, j), min(i, j)]] for i in range(n)]) for j in range(n)])
+    rows_of = [[packed[position[max(i, j), min(i, j)]] for i in range(n)] for j in range(n)]
+    return casadi.horzcat(*[casadi.vertcat(*column) for column in rows_of])
 
 
 def symmetrise(matrix: np.ndarray) -> np.ndarray:
@@ -76,11 +77,12 @@ def symmetrise(matrix: np.ndarray) -> np.ndarray:
 
 
 def square_root(matrix: np.ndarray) -> np.ndarray:
-    """X with X X' = matrix for symmetric positive semidefinite matrices (..., n, n); negative eigenvalues count as zero.
+    """X with X X' = matrix for symmetric positive semidefinite (..., n, n); negative eigenvalues count as zero.
 
-    For diagonal entries that differ by many orders of magnitude the matrix is scaled to a unit diagonal first.
+    Diagonal entries that differ by many orders of magnitude (up to 1e14) are brought to one first.
     """
     diagonal = np.einsum("...ii->...i", matrix)
-    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    floor = 1e-14 * np.max(diagonal, axis=-1, keepdims=True)
+    scale = np.sqrt(np.maximum(diagonal, np.where(floor > 0, floor, 1.0)))
     values, vectors = np.linalg.eigh(symmetrise(matrix / scale[..., :, None] / scale[..., None, :]))
     return scale[..., :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
