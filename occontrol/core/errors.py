@@ -30,6 +30,10 @@ class Mistake:
         """The same mistake, seen from further up the document."""
         return replace(self, path=(*prefix, *self.path))
 
+    def moved(self, path: Path) -> Mistake:
+        """The same mistake at another path."""
+        return replace(self, path=path)
+
     def __str__(self) -> str:
         place = self.place or spell_path(self.path)
         text = f"{place}: {self.what}" if place else self.what

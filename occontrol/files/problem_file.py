@@ -1,0 +1,130 @@
+"""A problem file (.yaml, .json, or the problem.json of a run folder) -> a validated problem, and back to a document."""
+
+from __future__ import annotations
+
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from occontrol.core.errors import FileAccessError, Mistake, ProblemError
+from occontrol.files.positions import Text, at
+
+MAX_YAML = 2 * 2**20
+MAX_JSON = 64 * 2**20
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedDocument:
+    """A problem file that is well formed and whose family is known; `build` makes the problem."""
+
+    path: Path
+    text: Text
+    family: str
+    schema: ModuleType
+
+    def build(self) -> Any:
+        """The family's problem; ProblemError with every mistake and its place."""
+        from occontrol.files.schema.common import Context, validate
+
+        context = Context(self.text.data, self.path.parent, self.path.stem)
+        context.found.mistakes += self.text.mistakes
+        try:
+            document = validate(self.schema.Document, self.text.data, context.found)
+            problem = self.schema.build(document, context)
+            context.found.raise_if_any()
+            return problem
+        except ProblemError as error:
+            raise self.text.placed(error.mistakes) from None
+
+
+def read_bytes(path: Path, limit: int, kind: str) -> bytes:
+    """The content of a regular file of at most `limit` bytes; FileAccessError or ProblemError."""
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise FileAccessError(f"{path} is a folder, not a {kind}")
+        if not stat.S_ISREG(mode):
+            raise FileAccessError(f"{path} is not an ordinary file")
+        with path.open("rb") as file:
+            content = file.read(limit + 1)
+    except FileNotFoundError:
+        raise FileAccessError(f"there is no file {path}") from None
+    except (OSError, ValueError) as error:
+        raise FileAccessError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
+    if len(content) > limit:
+        hint = "put tables into an .npz file beside it" if limit == MAX_YAML else ""
+        raise at(str(path), 1, 1, f"the file is larger than {limit / 2**20:g} MB", hint)
+    return content
+
+
+def read_text(path: Path, limit: int, kind: str) -> str:
+    """The text of a file; binary data, other encodings than UTF-8 and empty files are mistakes."""
+    content = read_bytes(path, limit, kind)
+    if b"\0" in content:
+        raise at(str(path), 1, 1, f"this is binary data, not a {kind}")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = content[: error.start]
+        line, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
+        raise at(str(path), line, column, "this is not UTF-8 text", "save the file as UTF-8") from None
+    if not text.strip():
+        raise at(str(path), 1, 1, "the file is empty")
+    return text
+
+
+def load_document(path: str | Path) -> LoadedDocument:
+    """Read and parse a problem file and find its family; nothing is built yet."""
+    from occontrol.files.json_text import read_json
+    from occontrol.files.schema import SCHEMAS, schema_for
+    from occontrol.files.schema.words import shown, suggest
+    from occontrol.files.yaml_text import read_yaml
+
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".yaml", ".yml", ".json"):
+        read_bytes(path, 0, "problem file") if not path.exists() or path.is_dir() else None
+        raise at(str(path), 1, 1, f"the file name ends in '{suffix}'", "problem files end in .yaml, .yml or .json")
+    is_json = suffix == ".json"
+    source = read_text(path, MAX_JSON if is_json else MAX_YAML, "problem file")
+    text = (read_json if is_json else read_yaml)(source, str(path))
+    if not isinstance(text.data, dict):
+        raise at(
+            str(path), 1, 1, f"the file holds {shown(text.data)}, it must be a mapping", "begin with family: athans"
+        )
+    family = text.data.get("family")
+    if family not in list(SCHEMAS):
+        known = list(SCHEMAS)
+        what = (
+            "the problem has no 'family'"
+            if family is None
+            else f"unknown family {shown(family).removeprefix('the text ')}"
+        )
+        hint = suggest(family, known) if isinstance(family, str) else "family: " + " | ".join(known)
+        raise text.placed([*text.mistakes, Mistake(("family",), what, hint)])
+    return LoadedDocument(path, text, family, schema_for(family))
+
+
+def read_problem(path: str | Path) -> Any:
+    """The problem in a file.
+
+    Parameters
+    ----------
+    path : a .yaml, .yml or .json file; tables in .npz files are looked for beside and below it
+
+    Returns
+    -------
+    The frozen Problem of the file's family, for example SchedulingProblem.
+
+    Raises ProblemError with every mistake as file:line:column, FileAccessError when the file cannot be read.
+    """
+    return load_document(path).build()
+
+
+def document(problem: Any) -> dict[str, Any]:
+    """The problem as a JSON-able dict with all tables embedded; reading it back gives the identical problem."""
+    from occontrol.files.schema import schema_for
+
+    return schema_for(problem.family).document(problem)

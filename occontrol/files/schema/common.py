@@ -1,0 +1,247 @@
+"""What the schemas of all families share: the strict base model, matrices, method options, and the way back."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import typing
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, WithJsonSchema
+
+from occontrol.core.errors import Collector, Path, ProblemError
+from occontrol.core.signal import Signal
+from occontrol.files.schema.matrices import ENTRY, MATRIX_SCHEMA, MatrixReader
+from occontrol.files.schema.tables import TableFiles
+from occontrol.files.schema.words import shown, spell, suggest, translate
+
+
+class Strict(BaseModel):
+    """Unknown keys, infinities and silent conversions are mistakes."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def _whole(value: Any) -> Any:
+    return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else value
+
+
+Whole = Annotated[int, BeforeValidator(_whole), WithJsonSchema({"type": "integer"})]
+"""A whole number; 4e2 and 400.0 are 400."""
+
+Matrix = Annotated[Any, WithJsonSchema(MATRIX_SCHEMA)]
+"""A matrix in any of its forms; `Context.signal` or `Context.constant` reads it."""
+
+Vector = Annotated[Any, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}}]})]
+"""A list of numbers; `Context.vector` reads it."""
+
+Entries = Annotated[Any, WithJsonSchema({"anyOf": [ENTRY, {"type": "array", "items": ENTRY}]})]
+"""A list of numbers and formulas; `Context.entries` reads it."""
+
+Method = Annotated[
+    Any,
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string"},
+                {"type": "object", "properties": {"name": {"type": "string"}}, "required": ["name"]},
+            ]
+        }
+    ),
+]
+"""A method's name, or {name: .., its options}; `Context.method` reads it."""
+
+Expect = Annotated[Any, WithJsonSchema({"type": "object"})]
+"""The known answer and its source; `Context.expect` reads it."""
+
+
+class Context:
+    """Reads the parts of a document and gathers the mistakes.
+
+    Every reader takes the value and its path in the document, and returns None after it has noted a mistake, so that
+    a `build` reads everything first and calls `found.raise_if_any()` before it relies on any of it.
+
+    Parameters
+    ----------
+    data : the plain document, for the user's own names
+    folder : where table files may lie; None is nowhere
+    stem : the problem's name when the document has none
+    """
+
+    def __init__(self, data: Any, folder: FilePath | None = None, stem: str = "problem"):
+        self.data, self.stem, self.found = data, stem, Collector()
+        self.tables = TableFiles(folder, self.found)
+        self.reader = MatrixReader(self.found, self.tables.load, self.name)
+
+    def name(self, path: Path) -> str:
+        """What the user calls the thing at a path: "C of sensor 'radar'"."""
+        words = spell(path, self.data)
+        for prefix in ("plant.initial.", "plant."):
+            words = words.removeprefix(prefix)
+        return words
+
+    def signal(self, value: Any, *path: str | int, variable: str = "t") -> Signal | None:
+        """A matrix that may depend on `variable` (see core.signal); `rows` for formulas of several variables."""
+        return self.reader.signal(value, path, (variable,))
+
+    def rows(self, value: Any, *path: str | int, variables: tuple[str, ...]) -> list[list[float | str]] | None:
+        """Rows of numbers and formulas of any of `variables`."""
+        return self.reader.rows(value, path, variables)
+
+    def constant(self, value: Any, *path: str | int) -> np.ndarray | None:
+        """A constant matrix (rows, columns)."""
+        return self.reader.constant(value, path)
+
+    def vector(self, value: Any, *path: str | int) -> np.ndarray | None:
+        """A list of numbers."""
+        return self.reader.vector(value, path)
+
+    def entries(self, value: Any, *path: str | int, variables: tuple[str, ...] = ("t",)) -> list[float | str] | None:
+        """A list of numbers and formulas."""
+        return self.reader.entries(value, path, variables)
+
+    def attempt(self, build: Callable[..., Any], *prefix: str | int, **arguments: Any) -> Any:
+        """build(**arguments), or None after its ProblemError was noted under `prefix`."""
+        with self.found.under(*prefix):
+            return build(**arguments)
+        return None
+
+    def title(self, name: str | None) -> str:
+        """The problem's name; the file's when it has none."""
+        if name is None:
+            return self.stem
+        if not name.strip() or len(name) > 200 or not name.isprintable():
+            self.found.add(("name",), f"name is {shown(name)}", "1 to 200 printable characters")
+        return name
+
+    def method(self, value: Any, methods: typing.Mapping[str, type]) -> Any:
+        """An options object of the METHODS table from `name` or {name: .., option: ..}; None if nothing is given."""
+        if value is None:
+            return None
+        if isinstance(value, str):
+            value, place = {"name": value}, ("method",)
+        else:
+            place = ("method", "name")
+        if not isinstance(value, dict):
+            self.found.add(
+                ("method",), f"method is {shown(value)}, it must be a name or a mapping", "method: {name: ..}"
+            )
+            return None
+        name = value.get("name")
+        if not isinstance(name, str):
+            self.found.add(
+                place, "method has no 'name'" if name is None else f"method.name is {shown(name)}", _known(methods)
+            )
+            return None
+        if name not in methods:
+            self.found.add(place, f"unknown method '{name}'", suggest(name, methods))
+            return None
+        options = {f.name: f for f in dataclasses.fields(methods[name]) if f.init and f.name != "name"}
+        hints = typing.get_type_hints(methods[name])
+        given, before = {}, len(self.found.mistakes)
+        for key, item in value.items():
+            if key == "name":
+                continue
+            if key not in options:
+                hint = suggest(str(key), options) if options else f"{name} has no options"
+                self.found.add(("method", key), f"unknown option '{key}' of method '{name}'", hint, key=True)
+                continue
+            try:
+                kind = TypeAdapter(hints[key], config=ConfigDict(strict=True, allow_inf_nan=False))
+                given[key] = kind.validate_python(_whole(item) if hints[key] in (int, int | None) else item)
+            except ValidationError as error:
+                e = error.errors(include_url=False)[0]
+                if e["type"] == "tuple_type" and isinstance(item, list):
+                    given[key] = tuple(item)
+                    continue
+                m = translate(error, Strict, item)[0]
+                self.found.add(("method", key), f"method.{key}{m.what.removeprefix('the document')}", m.hint)
+        if len(self.found.mistakes) > before:
+            return None
+        try:
+            return self.attempt(methods[name], "method", **given)
+        except (TypeError, ValueError) as error:
+            self.found.add(("method",), f"method: {error}")
+            return None
+
+    def expect(self, value: Any) -> dict[str, Any] | None:
+        """The known answer: words, finite numbers, and lists of them."""
+        if value is None:
+            return None
+        if not isinstance(value, dict):
+            self.found.add(
+                ("expect",), f"expect is {shown(value)}, it must be a mapping", "{source: .., cost: .., tolerance: ..}"
+            )
+            return None
+        for key, item in value.items():
+            items = item if isinstance(item, list) else [item]
+            if any(isinstance(e, float) and not math.isfinite(e) for e in items):
+                self.found.add(("expect", key), f"expect.{key} is not finite")
+            if key in ("cost", "tolerance") and (isinstance(item, bool) or not isinstance(item, int | float)):
+                self.found.add(("expect", key), f"expect.{key} is {shown(item)}, it must be a number")
+        return value
+
+
+def _known(methods: typing.Mapping[str, type]) -> str:
+    return "known: " + ", ".join(methods)
+
+
+def validate(model: type[BaseModel], data: Any, found: Collector) -> Any:
+    """The document as a `model`; all mistakes are reported together.
+
+    What is wrong but could be left out (unknown keys, optional values) is noted in `found` and left out, so that the
+    rest is still checked; what cannot be left out raises ProblemError.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        mistakes = translate(error, model, data)
+        found.mistakes += mistakes
+    try:
+        return model.model_validate(_without(data, [m.path for m in mistakes if m.path]))
+    except ValidationError:
+        raise ProblemError(found.mistakes) from None
+
+
+def _without(data: Any, paths: list[Path]) -> Any:
+    """A copy in which the nearest key above each path is left out."""
+    if not isinstance(data, dict):
+        return data
+    result = {}
+    for key, value in data.items():
+        below = [p[1:] for p in paths if p and p[0] == key]
+        if any(not any(isinstance(step, str) for step in p) for p in below):
+            continue
+        if isinstance(value, list):
+            result[key] = (
+                [_without(v, [p[1:] for p in below if p[0] == k]) for k, v in enumerate(value)] if below else value
+            )
+        else:
+            result[key] = _without(value, below) if below else value
+    return result
+
+
+def options_document(method: Any) -> dict[str, Any] | None:
+    """{name: .., options} of a method object; None for None."""
+    if method is None:
+        return None
+    options = {f.name: getattr(method, f.name) for f in dataclasses.fields(method) if f.init and f.name != "name"}
+    plain = {k: list(v) if isinstance(v, tuple) else v for k, v in options.items() if v is not None}
+    return {"name": method.name, **plain}
+
+
+def plain(value: Any) -> Any:
+    """NumPy scalars and arrays, tuples and mappings as JSON-able values."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, typing.Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    return [plain(v) for v in value] if isinstance(value, list | tuple) else value
+
+
+def prune(document: dict[str, Any]) -> dict[str, Any]:
+    """Without the keys whose value is None."""
+    return {key: value for key, value in document.items() if value is not None}

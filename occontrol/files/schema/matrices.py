@@ -1,0 +1,283 @@
+"""What a problem file may give for a matrix: rows, a bare number or formula, diag, identity, or a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.errors import Collector, Path, ProblemError
+from occontrol.core.expression import parse_expression
+from occontrol.core.signal import ConstantSignal, ExpressionSignal, Signal, TableSignal
+from occontrol.files.schema.words import shown, suggest
+
+LARGEST = 1000  # states; keeps {identity: 1000000000} from filling the memory
+
+_FORMS = (
+    ("diag",),
+    ("identity", "scale"),
+    ("times", "values", "interpolation"),
+    ("file", "times", "values", "interpolation"),
+)
+_NEEDED = (("diag",), ("identity",), ("times", "values"), ("file", "times", "values"))
+
+ENTRY: dict[str, Any] = {"type": ["number", "string"]}
+_ROWS: dict[str, Any] = {"type": "array", "items": {"type": "array", "items": ENTRY}}
+
+
+def _form(properties: dict[str, Any], required: tuple[str, ...], title: str) -> dict[str, Any]:
+    return {
+        "title": title,
+        "type": "object",
+        "properties": properties,
+        "required": list(required),
+        "additionalProperties": False,
+    }
+
+
+_INTERPOLATION = {"enum": ["linear", "previous"]}
+_TABLE = {
+    "times": {"type": "array", "items": {"type": "number"}},
+    "values": {"type": "array"},
+    "interpolation": _INTERPOLATION,
+}
+_FILE = {
+    "file": {"type": "string"},
+    "times": {"type": "string"},
+    "values": {"type": "string"},
+    "interpolation": _INTERPOLATION,
+}
+MATRIX_SCHEMA: dict[str, Any] = {
+    "description": "list of rows (numbers or formulas), a bare number or formula for 1x1, diag, identity, or a table",
+    "anyOf": [
+        ENTRY,
+        _ROWS,
+        _form({"diag": {"type": "array", "items": ENTRY}}, _NEEDED[0], "diagonal"),
+        _form(
+            {"identity": {"type": "integer", "minimum": 1, "maximum": LARGEST}, "scale": ENTRY}, _NEEDED[1], "identity"
+        ),
+        _form(_TABLE, _NEEDED[2], "table"),
+        _form(_FILE, _NEEDED[3], "table in an .npz file"),
+    ],
+}
+
+
+class MatrixReader:
+    """Turns values of the document into Signals; mistakes go to `found` with their exact path.
+
+    Parameters
+    ----------
+    found : Collector for the mistakes
+    load : (file, array name, path) -> array of a table file, or None after it has added its mistake
+    name : path -> what the user calls the thing
+    """
+
+    def __init__(
+        self, found: Collector, load: Callable[[Any, Any, Path], np.ndarray | None], name: Callable[[Path], str]
+    ):
+        self.found, self.load, self.name = found, load, name
+
+    def wrong(self, path: Path, what: str, hint: str = "", key: bool = False, of: Path | None = None) -> None:
+        self.found.add(path, f"{self.name(path if of is None else of)}{what}", hint, key)
+
+    def entry(self, value: Any, path: Path, of: Path, where: str, variables: tuple[str, ...]) -> float | str | None:
+        """A finite number or a checked formula."""
+        if isinstance(value, str):
+            try:
+                parse_expression(value, variables)
+                return value
+            except ProblemError as error:
+                for m in error.mistakes:
+                    self.found.add(path, f"{self.name(of)}{where}: {m.what}", m.hint)
+                return None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.wrong(path, f"{where} is {shown(value)}, it must be a number or a formula", of=of)
+            return None
+        if not math.isfinite(value):
+            self.wrong(path, f"{where} is {shown(value)}, it must be finite", of=of)
+            return None
+        return float(value)
+
+    def signal(self, value: Any, path: Path, variables: tuple[str, ...] = ("t",)) -> Signal | None:
+        """The matrix at `path`, constant, of formulas (of one variable), or tabulated; None after a mistake."""
+        if isinstance(value, dict):
+            return self._mapping(value, path, variables)
+        rows = self.rows(value, path, variables)
+        if rows is None:
+            return None
+        if any(isinstance(e, str) for row in rows for e in row):
+            return ExpressionSignal(tuple(map(tuple, rows)), variables[0])
+        return _constant(np.array(rows, dtype=float))
+
+    def rows(self, value: Any, path: Path, variables: tuple[str, ...] = ("t",)) -> list[list[float | str]] | None:
+        """Rows of numbers and formulas (of any of `variables`), for whoever builds a function from them."""
+        if isinstance(value, dict) and ("diag" in value or "identity" in value):
+            return self._square(value, path, variables)
+        if not isinstance(value, list):
+            single = self.entry(value, path, path, "", variables)
+            return None if single is None else [[single]]
+        if not value:
+            self.wrong(path, " is an empty list", "a matrix is a list of rows")
+            return None
+        if not all(isinstance(row, list) for row in value):
+            k = next(i for i, row in enumerate(value) if not isinstance(row, list))
+            flat = not any(isinstance(row, list) for row in value)
+            what = " is a flat list, it must be a list of rows" if flat else f": row {k + 1} is {shown(value[k])}"
+            self.wrong((*path, k), what, "one row is [[1, 0]], one column is [[1], [0]]", of=path)
+            return None
+        lengths = [len(row) for row in value]
+        if len(set(lengths)) > 1 or lengths[0] == 0:
+            k = next((i for i, n in enumerate(lengths) if n != lengths[0] or n == 0), 0)
+            what = f": row {k + 1} has {lengths[k]} entries, row 1 has {lengths[0]}" if k else ": row 1 is empty"
+            self.wrong((*path, k), what, "all rows have the same number of entries", of=path)
+            return None
+        result = [
+            [self.entry(e, (*path, i, j), path, f" entry [{i + 1},{j + 1}]", variables) for j, e in enumerate(row)]
+            for i, row in enumerate(value)
+        ]
+        return None if any(e is None for row in result for e in row) else result  # type: ignore[return-value]
+
+    def vector(self, value: Any, path: Path) -> np.ndarray | None:
+        """A list of numbers (a bare number is a list of one)."""
+        entries = self.entries(value, path, ())
+        return None if entries is None else np.array(entries, dtype=float)
+
+    def entries(self, value: Any, path: Path, variables: tuple[str, ...] = ("t",)) -> list[float | str] | None:
+        """A list of numbers and, when there are variables, formulas."""
+        items = value if isinstance(value, list) else [value]
+        if value is None or not items:
+            self.wrong(path, " is empty", "give a list of numbers")
+            return None
+        if all(isinstance(e, list) and len(e) == 1 for e in items):
+            items = [e[0] for e in items]
+        result = []
+        for i, e in enumerate(items):
+            where = f" entry {i + 1}" if isinstance(value, list) else ""
+            if isinstance(e, str) and not variables:
+                self.wrong((*path, i), f"{where} is {shown(e)}, it must be a number", of=path)
+                result.append(None)
+            else:
+                result.append(self.entry(e, (*path, i), path, where, variables))
+        return None if any(e is None for e in result) else result  # type: ignore[return-value]
+
+    def constant(self, value: Any, path: Path) -> np.ndarray | None:
+        """A matrix that may not depend on time; formulas without variables are allowed."""
+        if isinstance(value, dict) and ("times" in value or "file" in value):
+            self.wrong(path, " is a table, it must be constant")
+            return None
+        signal = self.signal(value, path, ())
+        return None if signal is None else signal.at(0.0)
+
+    def _mapping(self, value: dict, path: Path, variables: tuple[str, ...]) -> Signal | None:
+        forms = [i for i, needed in enumerate(_NEEDED) if needed[0] in value]
+        form = forms[-1] if forms else None
+        if form is None:
+            known = sorted({key for keys in _FORMS for key in keys})
+            unknown = next((key for key in value if key not in known), None)
+            what = f": unknown key '{unknown}'" if unknown is not None else " is not a matrix"
+            hint = (
+                suggest(str(unknown), known)
+                if unknown is not None
+                else "rows, {diag: ..}, {identity: ..} or {times: .., values: ..}"
+            )
+            self.wrong((*path, unknown) if unknown is not None else path, what, hint, key=unknown is not None, of=path)
+            return None
+        bad = [key for key in value if key not in _FORMS[form]]
+        for key in bad:
+            self.wrong(
+                (*path, key),
+                f": unknown key '{key}' beside '{_NEEDED[form][0]}'",
+                suggest(str(key), _FORMS[form]),
+                True,
+                path,
+            )
+        lacking = [key for key in _NEEDED[form] if key not in value]
+        for key in lacking:
+            self.wrong(path, f" has no '{key}'", "a table needs " + " and ".join(_NEEDED[form]))
+        if bad or lacking:
+            return None
+        if form <= 1:
+            rows = self._square(value, path, variables)
+            if rows is None:
+                return None
+            if any(isinstance(e, str) for row in rows for e in row):
+                return ExpressionSignal(tuple(map(tuple, rows)), variables[0] if variables else "t")
+            return _constant(np.array(rows, dtype=float))
+        return self._table(value, path)
+
+    def _square(self, value: dict, path: Path, variables: tuple[str, ...]) -> list[list[float | str]] | None:
+        if "diag" in value:
+            items = value["diag"]
+            if not isinstance(items, list) or not 1 <= len(items) <= LARGEST:
+                self.wrong(
+                    (*path, "diag"), f".diag is {shown(items)}, it must be a list of 1 to {LARGEST} entries", of=path
+                )
+                return None
+            diagonal = self.entries(items, (*path, "diag"), variables)
+        else:
+            n = value["identity"]
+            if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= LARGEST:
+                what = f".identity is {shown(n)}, it must be a whole number from 1 to {LARGEST}"
+                self.wrong((*path, "identity"), what, of=path)
+                return None
+            scale = self.entry(value.get("scale", 1.0), (*path, "scale"), path, ".scale", variables)
+            diagonal = None if scale is None else [scale] * n
+        if diagonal is None:
+            return None
+        return [[d if i == j else 0.0 for j in range(len(diagonal))] for i, d in enumerate(diagonal)]
+
+    def _table(self, value: dict, path: Path) -> Signal | None:
+        if "file" in value:
+            times = self.load(value["file"], value["times"], (*path, "times"))
+            values = self.load(value["file"], value["values"], (*path, "values")) if times is not None else None
+        else:
+            times = self.vector(value["times"], (*path, "times"))
+            values = self._stack(value["values"], (*path, "values"))
+        if times is None or values is None:
+            return None
+        if values.ndim == 1:
+            values = values.reshape(-1, 1, 1)
+        if times.ndim != 1 or values.ndim != 3:
+            shapes = f": times has shape {times.shape}, values {values.shape}"
+            self.wrong((*path, "values"), shapes, "times is (K,), values is (K, rows, columns)", of=path)
+            return None
+        try:
+            interpolation = value.get("interpolation", "linear")
+            return TableSignal(times, values, interpolation if isinstance(interpolation, str) else shown(interpolation))
+        except ProblemError as error:
+            for m in error.mistakes:
+                self.found.add((*path, *m.path), f"{self.name(path)}: {m.what}", m.hint)
+            return None
+
+    def _stack(self, values: Any, path: Path) -> np.ndarray | None:
+        """(K, rows, columns) from a list of matrices of numbers."""
+        try:
+            kinds = {type(e) for matrix in values for row in matrix for e in row}
+            if kinds <= {int, float}:
+                return np.array(values, dtype=float)
+        except (TypeError, ValueError):
+            pass
+        if not isinstance(values, list) or not values:
+            self.wrong(path, f" is {shown(values)}, it must be a list of matrices")
+            return None
+        matrices = [self.constant(matrix, (*path, k)) for k, matrix in enumerate(values)]
+        if any(m is None for m in matrices):
+            return None
+        k = next((k for k, m in enumerate(matrices) if m.shape != matrices[0].shape), None)  # type: ignore[union-attr]
+        if k is not None:
+            self.wrong(
+                (*path, k), f": matrix {k + 1} is {_size(matrices[k])}, the first is {_size(matrices[0])}", of=path
+            )
+            return None
+        return np.array(matrices)
+
+
+def _size(matrix: Any) -> str:
+    return f"{matrix.shape[0]}x{matrix.shape[1]}"
+
+
+def _constant(matrix: np.ndarray) -> ConstantSignal:
+    matrix.setflags(write=False)
+    return ConstantSignal(matrix)

@@ -1,0 +1,126 @@
+"""YAML -> plain data and places, read as a stream of events.
+
+Tags, anchors, aliases, deep nesting and further documents are refused before anything is built from them, and nothing
+is ever constructed but dicts, lists, words and numbers. Scalars follow the core schema of YAML 1.2: 1e-3 is a number,
+'on' is a word; numbers of more than 15 digits become floats.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from occontrol.core.errors import Mistake, ProblemError
+from occontrol.files.positions import MAX_DEPTH, Place, Text, at, number
+
+_NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"([-+]?)\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_WORDS = {"": None, "~": None, "null": None, "Null": None, "NULL": None}
+_WORDS |= {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
+
+
+def read_yaml(source: str, file: str) -> Text:
+    """Parse YAML; ProblemError with the place of the first thing that is not allowed."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError
+    from ruamel.yaml.reader import ReaderError
+
+    try:
+        return _Builder(file).run(YAML(typ="safe", pure=True).parse(source))
+    except ProblemError:
+        raise
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        hint = "indent with spaces, not with tabs" if "\\t" in str(error.problem) else ""
+        raise at(file, line, column, f"this is not YAML: {error.problem or error.context}", hint) from None
+    except ReaderError as error:
+        before = source[: error.position]
+        line, column = before.count("\n") + 1, error.position - before.rfind("\n")
+        raise at(file, line, column, "a character that is not allowed in YAML (binary data?)") from None
+    except Exception as error:  # the parser is not ours: whatever it trips over is a mistake in the file
+        raise at(file, 1, 1, f"this is not YAML ({type(error).__name__})") from None
+
+
+class _Builder:
+    """Builds data and places from parser events, with an explicit stack."""
+
+    def __init__(self, file: str):
+        self.file = file
+        self.data: Any = None
+        self.places = Place(1, 1)
+        self.mistakes: list[Mistake] = []
+        # one frame for each open collection: (data, places, key waiting for its value and the key's place)
+        self.stack: list[list[Any]] = []
+        self.path: list[str | int] = []
+        self.documents = 0
+
+    def fail(self, event: Any, what: str, hint: str = "") -> ProblemError:
+        return at(self.file, event.start_mark.line + 1, event.start_mark.column + 1, what, hint)
+
+    def run(self, events: Any) -> Text:
+        from ruamel.yaml import events as kinds
+
+        for event in events:
+            if isinstance(event, kinds.AliasEvent):
+                raise self.fail(event, f"the alias '*{event.anchor}' is not allowed", "write the value out")
+            if isinstance(event, kinds.DocumentStartEvent):
+                self.documents += 1
+                if self.documents > 1:
+                    raise self.fail(event, "a second document begins here", "one problem per file: remove '---'")
+            elif isinstance(event, kinds.ScalarEvent | kinds.CollectionStartEvent):
+                if event.anchor is not None:
+                    raise self.fail(event, f"the anchor '&{event.anchor}' is not allowed", "write the value out")
+                if event.tag is not None:
+                    raise self.fail(event, f"the tag '{event.tag}' is not allowed", "remove the tag")
+                if isinstance(event, kinds.ScalarEvent):
+                    self.scalar(event)
+                else:
+                    if len(self.stack) >= MAX_DEPTH:
+                        raise self.fail(event, f"nested deeper than {MAX_DEPTH} levels")
+                    mapping = isinstance(event, kinds.MappingStartEvent)
+                    self.stack.append(self.add(event, {} if mapping else [], {} if mapping else []))
+            elif isinstance(event, kinds.CollectionEndEvent):
+                self.stack.pop()
+        return Text(self.file, self.data, lambda: self.places, self.mistakes)
+
+    def scalar(self, event: Any) -> None:
+        top = self.stack[-1] if self.stack else None
+        if top is not None and isinstance(top[0], dict) and top[2] is None:
+            top[2] = (event.value, (event.start_mark.line + 1, event.start_mark.column + 1))
+            if event.value in top[0]:
+                first = top[1][event.value].key[0]
+                what, place = f"the key '{event.value}' stands twice", f"{self.file}:{top[2][1][0]}:{top[2][1][1]}"
+                self.mistakes.append(Mistake((), what, f"it stands already in line {first}", place=place))
+            return
+        self.add(event, _value(event.value) if event.implicit[0] else event.value, None)
+
+    def add(self, event: Any, value: Any, inside: Any) -> list[Any]:
+        place = Place(event.start_mark.line + 1, event.start_mark.column + 1, None, inside)
+        if not self.stack:
+            self.data, self.places = value, place
+        else:
+            top = self.stack[-1]
+            if isinstance(top[0], list):
+                top[0].append(value)
+                top[1].append(place)
+            elif top[2] is None:
+                raise self.fail(event, "a key must be a word, not a list or a mapping")
+            else:
+                (name, place.key), top[2] = top[2], None
+                top[0].setdefault(name, value)
+                top[1].setdefault(name, place)
+        return [value, inside, None]
+
+
+def _value(text: str) -> Any:
+    """A plain scalar by the core schema of YAML 1.2."""
+    if text in _WORDS:
+        return _WORDS[text]
+    if _NUMBER.fullmatch(text):
+        return number(text)
+    if found := _NOT_FINITE.fullmatch(text):
+        return float("nan") if found[3] else float(found[1] + "inf")
+    if re.fullmatch(r"0o[0-7]{1,17}|0x[0-9a-fA-F]{1,13}", text):
+        return int(text, 0)
+    return text
