@@ -1,0 +1,60 @@
+"""Bhattacharyya bound on the probability of naming the wrong mode (Liu & Hwang, equations (12), (13), corrected).
+
+The printed exponent has |Sigma_i + Sigma_j|/2; with |(Sigma_i + Sigma_j)/2| it is a bound for any number of rows.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from occontrol.numerics.small import cholesky, log_determinant, whiten
+
+
+@njit(cache=True)
+def error_bound(log_priors: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> float:
+    """Upper bound on the risk of a Bayes decision among Gaussian hypotheses.
+
+    Pr{error} <= sum_{i<j} sqrt(c_i c_j) exp(-k_ij),
+    k_ij = (r_j - r_i)' (S_i + S_j)^-1 (r_j - r_i)/4 + ln |(S_i + S_j)/2| / 2 - ln(|S_i| |S_j|)/4
+
+    Parameters
+    ----------
+    log_priors : (modes,) ln c_j of the hypotheses; -inf is allowed
+    means : (modes, p) r_j of the measurement under hypothesis j
+    covariances : (modes, p, p) S_j, positive definite
+
+    Returns
+    -------
+    float >= 0; with two hypotheses at most 1/2, with more it may exceed 1. NaN when an S_j is not positive definite.
+
+    Two hypotheses that coincide with equal priors reach the risk, 1/2; the bound of far ones tends to 0.
+    Liu & Hwang, equations (12), (13).
+    """
+    modes, rows = means.shape
+    determinants = np.empty(modes)
+    for i in range(modes):
+        determinants[i] = log_determinant(cholesky(covariances[i]))
+    bound = 0.0
+    both = np.empty((rows, rows))
+    apart = np.empty(rows)
+    for i in range(modes):
+        for j in range(i + 1, modes):
+            weight = 0.5 * (log_priors[i] + log_priors[j])
+            if weight == -np.inf:
+                continue
+            for a in range(rows):
+                apart[a] = means[j, a] - means[i, a]
+                for b in range(rows):
+                    both[a, b] = 0.5 * (covariances[i, a, b] + covariances[j, a, b])
+            factor = cholesky(both)
+            white = whiten(factor, apart)
+            distance = 0.0
+            for a in range(rows):
+                distance += white[a] * white[a]
+            # (S_i + S_j)^-1 is half the inverse of `both`, hence an eighth and not a quarter
+            exponent = 0.125 * distance + 0.5 * log_determinant(factor) - 0.25 * (determinants[i] + determinants[j])
+            bound += math.exp(weight - exponent)
+    return bound
