@@ -23,7 +23,9 @@ GRAVITY = 9.80665e-3  # km/s^2 at sea level
 EARTH = 6371.0  # km
 DENSITY, SCALE_HEIGHT = 1.225e9, 7.2  # kg/km^3 at sea level, km
 BALLISTIC = 5000e6  # beta = m/(Cd S): 5000 kg/m^2 in kg/km^2
-START = np.array([-160.0, 100.0, 5.2, -2.9, 0.0])  # 100 km up, 5.95 km/s, 29 degrees below the horizon, heading for the radar
+START = np.array(
+    [-160.0, 100.0, 5.2, -2.9, 0.0]
+)  # 100 km up, 5.95 km/s, 29 degrees below the horizon, heading for the radar
 RADAR = np.array([25.0, 0.0])  # km, some 15 km behind the point of impact
 
 
@@ -50,7 +52,12 @@ def doppler(state: np.ndarray) -> np.ndarray:
 def wake(state: np.ndarray) -> np.ndarray:
     """Wake waveform: drag deceleration [km/s^2], which the length and the brightness of the wake give away."""
     vx, vh = state[2], state[3]
-    return np.array([-(rate(state)[2] * vx + rate(state)[3] * vh + GRAVITY * (EARTH / (EARTH + state[1])) ** 2 * vh) / np.sqrt(vx**2 + vh**2)])
+    return np.array(
+        [
+            -(rate(state)[2] * vx + rate(state)[3] * vh + GRAVITY * (EARTH / (EARTH + state[1])) ** 2 * vh)
+            / np.sqrt(vx**2 + vh**2)
+        ]
+    )
 
 
 def jacobian(function, state: np.ndarray) -> np.ndarray:
@@ -66,7 +73,9 @@ def reference(step: float = 0.05):
         return state[1]
 
     ground.terminal = True
-    path = solve_ivp(lambda _, s: rate(s), (0, 200), START, method="DOP853", rtol=1e-12, atol=1e-12, events=ground, dense_output=True)
+    path = solve_ivp(
+        lambda _, s: rate(s), (0, 200), START, method="DOP853", rtol=1e-12, atol=1e-12, events=ground, dense_output=True
+    )
     impact = float(path.t_events[0][0])
     times = np.append(np.arange(0, impact, step), impact)
     return times, path.sol(times).T, impact
@@ -89,7 +98,8 @@ def main() -> None:
     target = Path(__file__).resolve().parent.parent / "problems" / "reentry_waveforms.npz"
     np.savez_compressed(target, **{name: value for name, value in made.items() if name != "D"})
     states, times = made["reference"], made["t"]
-    print(f"impact at t = {times[-1]:.4f} s, x = {states[-1, 0]:.3f} km, {np.hypot(*states[-1, 2:4]):.3f} km/s; D = {made['D'][0].round(6)}")
+    print(f"impact at t = {times[-1]:.4f} s, x = {states[-1, 0]:.3f} km, {np.hypot(*states[-1, 2:4]):.3f} km/s")
+    print(f"D = {made['D'][0].round(6)}")
     for t in (10, 20, 25, 30, 35):
         k = int(np.searchsorted(times, t))
         print(f"t = {t:2d} s: altitude {states[k, 1]:7.3f} km, drag {wake(states[k])[0] / GRAVITY:7.2f} g")
