@@ -162,7 +162,7 @@ def barrier(form: NormalForm, tolerance: float = 1e-12, max_iterations: int = 10
         bent = dX @ dZ @ inverse
         bent = (bent + bent.T) / 2
         bend_w = np.where(capped, step * dw, 0.0)
-        bend = np.einsum("ir,rs,is->i", F, bent, F, optimize=True) + step * dz / values + np.where(capped, bend_w / room, 0.0)
+        bend = np.sum((F @ bent) * F, axis=1) + step * dz / values + np.where(capped, bend_w / room, 0.0)
         step, dZ, dX, dz, dw, primal, dual = direction(centring * mu, bend, bent, step * dz, bend_w)
         safety = 0.9 + 0.08 * min(primal, dual, 1.0)
         primal, dual = min(1.0, safety * primal), min(1.0, safety * dual)

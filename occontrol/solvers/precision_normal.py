@@ -85,7 +85,7 @@ class NormalForm:
         slope = -float(np.sum(dual * self.constant))
         if slope <= 0:
             return 0.0
-        a = np.einsum("ir,rs,is->i", self.factors, dual, self.factors, optimize=True)
+        a = np.sum((self.factors @ dual) * self.factors, axis=1)
         with np.errstate(divide="ignore"):
             kinks = np.where(a > 0, self.costs / np.maximum(a, 1e-300), np.inf)
         free = np.isinf(self.upper)
