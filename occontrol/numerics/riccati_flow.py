@@ -143,7 +143,6 @@ def advance(root: np.ndarray, F: np.ndarray, gamma: np.ndarray, driven: np.ndarr
 
 
 def closed_loop_transition(covariance: np.ndarray, F: np.ndarray, gamma: np.ndarray) -> np.ndarray:
-    """K = F (I + Sigma G)^-1 of one step; well conditioned only where the step is not stiff."""
-    n = len(covariance)
-    loop = np.eye(n) + covariance @ gamma.T @ gamma
-    return np.linalg.solve(loop.T, F.T).T
+    """K = F (I + Sigma G)^-1 of steps (..., n, n); well conditioned only where a step is not stiff."""
+    loop = np.eye(F.shape[-1]) + covariance @ np.swapaxes(gamma, -1, -2) @ gamma
+    return np.swapaxes(np.linalg.solve(np.swapaxes(loop, -1, -2), np.swapaxes(F, -1, -2)), -1, -2)
