@@ -13,7 +13,7 @@ from numba import njit
 from occontrol.numerics.small import cholesky, log_determinant, whiten
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def error_bound(log_priors: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> float:
     """Upper bound on the risk of a Bayes decision among Gaussian hypotheses.
 
@@ -35,11 +35,11 @@ def error_bound(log_priors: np.ndarray, means: np.ndarray, covariances: np.ndarr
     """
     modes, rows = means.shape
     determinants = np.empty(modes)
+    both, apart = np.empty((rows, rows)), np.empty(rows)
     for i in range(modes):
-        determinants[i] = log_determinant(cholesky(covariances[i]))
+        cholesky(covariances[i], both)
+        determinants[i] = log_determinant(both)
     bound = 0.0
-    both = np.empty((rows, rows))
-    apart = np.empty(rows)
     for i in range(modes):
         for j in range(i + 1, modes):
             weight = 0.5 * (log_priors[i] + log_priors[j])
@@ -47,14 +47,11 @@ def error_bound(log_priors: np.ndarray, means: np.ndarray, covariances: np.ndarr
                 continue
             for a in range(rows):
                 apart[a] = means[j, a] - means[i, a]
-                for b in range(rows):
+                for b in range(a + 1):
                     both[a, b] = 0.5 * (covariances[i, a, b] + covariances[j, a, b])
-            factor = cholesky(both)
-            white = whiten(factor, apart)
-            distance = 0.0
-            for a in range(rows):
-                distance += white[a] * white[a]
+            cholesky(both, both)
             # (S_i + S_j)^-1 is half the inverse of `both`, hence an eighth and not a quarter
-            exponent = 0.125 * distance + 0.5 * log_determinant(factor) - 0.25 * (determinants[i] + determinants[j])
+            distance = 0.125 * whiten(both, apart)
+            exponent = distance + 0.5 * log_determinant(both) - 0.25 * (determinants[i] + determinants[j])
             bound += math.exp(weight - exponent)
     return bound

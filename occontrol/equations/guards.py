@@ -13,7 +13,7 @@ from numba import njit
 from occontrol.equations.normal_orthant import orthant_probability
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def guard_probability(
     L: np.ndarray,
     b: np.ndarray,
@@ -63,7 +63,7 @@ def guard_probability(
     return orthant_probability(centre, spread, tolerance)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def guard_transitions(
     means: np.ndarray,
     covariances: np.ndarray,

@@ -13,12 +13,12 @@ import math
 import numpy as np
 from numba import njit
 
-from occontrol.numerics.small import cholesky, log_determinant, whiten
+from occontrol.numerics.small import cholesky, log_determinant, unwhiten, whiten
 
 LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def predict_modes(log_probabilities: np.ndarray, transition_matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Predicted mode probabilities and mixing weights (step 1).
 
@@ -60,197 +60,191 @@ def predict_modes(log_probabilities: np.ndarray, transition_matrix: np.ndarray) 
     return log_predicted, mixing
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def match_moments(weights: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and covariance of a mixture of Gaussians.
+    """Mean and covariance of mixtures of the same Gaussians with several sets of weights.
 
-    x = sum_i w_i x_i,    P = sum_i w_i [P_i + (x_i - x)(x_i - x)']
+    x_j = sum_i w_ji x_i,    P_j = sum_i w_ji [P_i + (x_i - x_j)(x_i - x_j)']
 
     Parameters
     ----------
-    weights : (modes,) summing to 1
+    weights : (sets, modes) every row sums to 1
     means : (modes, n)
     covariances : (modes, n, n)
 
     Returns
     -------
-    mean (n,), covariance (n, n), exactly symmetric.
+    means (sets, n), covariances (sets, n, n), exactly symmetric.
 
     Liu & Hwang, equations (16), (17) with the mixing weights, step 6 (corrected) with the mode probabilities.
     """
-    modes, states = means.shape
-    mean = np.zeros(states)
-    covariance = np.zeros((states, states))
-    for i in range(modes):
+    sets, modes = weights.shape
+    states = means.shape[1]
+    mean = np.zeros((sets, states))
+    covariance = np.zeros((sets, states, states))
+    apart = np.empty(states)
+    for j in range(sets):
+        for i in range(modes):
+            for a in range(states):
+                mean[j, a] += weights[j, i] * means[i, a]
+        for i in range(modes):
+            weight = weights[j, i]
+            if weight == 0.0:
+                continue
+            for a in range(states):
+                apart[a] = means[i, a] - mean[j, a]
+            for a in range(states):
+                for b in range(a + 1):
+                    covariance[j, a, b] += weight * (covariances[i, a, b] + apart[a] * apart[b])
         for a in range(states):
-            mean[a] += weights[i] * means[i, a]
-    for i in range(modes):
-        weight = weights[i]
-        if weight == 0.0:
-            continue
-        for a in range(states):
-            from_mean = means[i, a] - mean[a]
-            for b in range(a + 1):
-                covariance[a, b] += weight * (covariances[i, a, b] + from_mean * (means[i, b] - mean[b]))
-    for a in range(states):
-        for b in range(a):
-            covariance[b, a] = covariance[a, b]
+            for b in range(a):
+                covariance[j, b, a] = covariance[j, a, b]
     return mean, covariance
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def propagate(
-    mean: np.ndarray, covariance: np.ndarray, A: np.ndarray, noise: np.ndarray, drift: np.ndarray
+    means: np.ndarray, covariances: np.ndarray, A: np.ndarray, noise: np.ndarray, drift: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One mode's prediction over one step.
+    """Every mode's prediction over one step.
 
-    x- = A x + B u,    P- = A P A' + F W F'
+    x_j- = A_j x_j + B_j u,    P_j- = A_j P_j A_j' + F_j W_j F_j'
 
     Parameters
     ----------
-    mean, covariance : (n,), (n, n) the mode's mixed initial condition
-    A : (n, n)
-    noise : (n, n) F W F'
-    drift : (n,) B u(k+1)
+    means, covariances : (modes, n), (modes, n, n) the modes' mixed initial conditions
+    A : (modes, n, n)
+    noise : (modes, n, n) F W F'
+    drift : (modes, n) B u(k+1)
 
     Returns
     -------
-    mean (n,), covariance (n, n), exactly symmetric. Liu & Hwang, step 3.
+    means (modes, n), covariances (modes, n, n), exactly symmetric. Liu & Hwang, step 3.
     """
-    states = len(mean)
-    predicted = np.empty(states)
-    product = np.empty((states, states))
-    result = np.empty((states, states))
-    for a in range(states):
-        total = drift[a]
-        for c in range(states):
-            total += A[a, c] * mean[c]
-        predicted[a] = total
-        for b in range(states):
-            product[a, b] = 0.0
-        for c in range(states):
-            if A[a, c] != 0.0:
-                for b in range(states):
-                    product[a, b] += A[a, c] * covariance[c, b]
-    for a in range(states):
-        for b in range(a + 1):
-            total = noise[a, b]
+    modes, states = means.shape
+    predicted = drift.copy()
+    result = np.empty((modes, states, states))
+    product = np.empty(states)
+    for j in range(modes):
+        for a in range(states):
+            for b in range(states):
+                product[b] = 0.0
             for c in range(states):
-                total += product[a, c] * A[b, c]
-            result[a, b] = total
-            result[b, a] = total
+                entry = A[j, a, c]
+                if entry != 0.0:
+                    predicted[j, a] += entry * means[j, c]
+                    for b in range(states):
+                        product[b] += entry * covariances[j, c, b]
+            for b in range(a + 1):
+                total = noise[j, a, b]
+                for c in range(states):
+                    total += product[c] * A[j, b, c]
+                result[j, a, b] = total
+                result[j, b, a] = total
     return predicted, result
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def predict_measurement(
-    mean: np.ndarray, covariance: np.ndarray, C: np.ndarray, R: np.ndarray
+    means: np.ndarray, covariances: np.ndarray, C: np.ndarray, R: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What a sensor would read under one mode.
+    """What a sensor would read under every mode.
 
-    r = C x-,    S = C P- C' + R
+    r_j = C x_j-,    S_j = C P_j- C' + R
 
     Parameters
     ----------
-    mean, covariance : (n,), (n, n) of the mode, predicted to the time of the measurement
+    means, covariances : (modes, n), (modes, n, n) predicted to the time of the measurement
     C, R : (p, n), (p, p)
 
     Returns
     -------
-    r (p,), S (p, p) symmetric, cross (p, n) = C P-. Liu & Hwang, step 3.
+    r (modes, p), S (modes, p, p) symmetric, cross (modes, n, p) = P- C'. Liu & Hwang, step 3.
     """
-    rows, states = C.shape
-    expected = np.empty(rows)
-    cross = np.empty((rows, states))
-    spread = np.empty((rows, rows))
-    for a in range(rows):
-        total = 0.0
-        for b in range(states):
-            cross[a, b] = 0.0
-        for c in range(states):
-            total += C[a, c] * mean[c]
-            if C[a, c] != 0.0:
-                for b in range(states):
-                    cross[a, b] += C[a, c] * covariance[c, b]
-        expected[a] = total
-    for a in range(rows):
-        for b in range(a + 1):
-            total = R[a, b]
+    modes, states = means.shape
+    rows = len(C)
+    expected = np.zeros((modes, rows))
+    cross = np.zeros((modes, states, rows))
+    spread = np.empty((modes, rows, rows))
+    for j in range(modes):
+        for a in range(rows):
             for c in range(states):
-                total += cross[a, c] * C[b, c]
-            spread[a, b] = total
-            spread[b, a] = total
+                entry = C[a, c]
+                if entry != 0.0:
+                    expected[j, a] += entry * means[j, c]
+                    for b in range(states):
+                        cross[j, b, a] += entry * covariances[j, c, b]
+        for a in range(rows):
+            for b in range(a + 1):
+                total = R[a, b]
+                for c in range(states):
+                    total += cross[j, c, a] * C[b, c]
+                spread[j, a, b] = total
+                spread[j, b, a] = total
     return expected, spread, cross
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def correct(
-    mean: np.ndarray, covariance: np.ndarray, C: np.ndarray, R: np.ndarray, values: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """One mode's measurement update, with the covariance in Joseph's form, and the log-likelihood of the measurement.
+    means: np.ndarray, covariances: np.ndarray, C: np.ndarray, R: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Every mode's measurement update, covariances in Joseph's form, and the log-likelihoods of the measurement.
 
     K = P- C' S^-1,    x = x- + K (z - C x-),    P = (I - K C) P- (I - K C)' + K R K',    ln N(z - r; 0, S)
 
     Parameters
     ----------
-    mean, covariance : (n,), (n, n) of the mode, predicted to the time of the measurement
+    means, covariances : (modes, n), (modes, n, n) predicted to the time of the measurement
     C, R : (p, n), (p, p)
     values : (p,) z
 
     Returns
     -------
-    mean (n,), covariance (n, n) exactly symmetric, log_likelihood. Liu & Hwang, step 4 and equation (18).
+    means (modes, n), covariances (modes, n, n) exactly symmetric, log_likelihoods (modes,).
+
+    Liu & Hwang, step 4 and equation (18), whose innovation is z - r.
     """
-    rows, states = C.shape
-    expected, spread, cross = predict_measurement(mean, covariance, C, R)
-    factor = cholesky(spread)
-    innovation = whiten(factor, values - expected)
-    distance = 0.0
-    for a in range(rows):
-        distance += innovation[a] * innovation[a]
-    gain = np.empty((states, rows))
-    for a in range(states):
-        white = whiten(factor, cross[:, a])
-        for i in range(rows - 1, -1, -1):
-            total = white[i]
-            for k in range(i + 1, rows):
-                total -= factor[k, i] * gain[a, k]
-            gain[a, i] = total / factor[i, i]
-    updated = mean.copy()
-    keep = np.eye(states)
-    for a in range(states):
-        for i in range(rows):
-            updated[a] += gain[a, i] * (values[i] - expected[i])
-            for b in range(states):
-                keep[a, b] -= gain[a, i] * C[i, b]
-    result = _joseph(keep, covariance, gain, R)
-    return updated, result, -0.5 * (distance + log_determinant(factor) + rows * LOG_TWO_PI)
-
-
-@njit(cache=True)
-def _joseph(keep: np.ndarray, covariance: np.ndarray, gain: np.ndarray, R: np.ndarray) -> np.ndarray:
-    states, rows = gain.shape
-    result = np.zeros((states, states))
-    left = np.zeros((states, states))
-    for a in range(states):
-        for c in range(states):
-            if keep[a, c] != 0.0:
-                for b in range(states):
-                    left[a, b] += keep[a, c] * covariance[c, b]
-    for a in range(states):
-        for b in range(a + 1):
-            total = 0.0
+    modes, states = means.shape
+    rows = len(C)
+    expected, spread, gain = predict_measurement(means, covariances, C, R)
+    updated, result = means.copy(), np.empty((modes, states, states))
+    log_likelihoods = np.empty(modes)
+    factor, keep, left = np.empty((rows, rows)), np.empty((states, states)), np.empty(states)
+    for j in range(modes):
+        cholesky(spread[j], factor)
+        for a in range(states):
+            whiten(factor, gain[j, a])
+            unwhiten(factor, gain[j, a])
             for c in range(states):
-                total += left[a, c] * keep[b, c]
+                keep[a, c] = 1.0 if a == c else 0.0
             for i in range(rows):
-                for j in range(rows):
-                    total += gain[a, i] * R[i, j] * gain[b, j]
-            result[a, b] = total
-            result[b, a] = total
-    return result
+                weight = gain[j, a, i]
+                updated[j, a] += weight * (values[i] - expected[j, i])
+                for c in range(states):
+                    keep[a, c] -= weight * C[i, c]
+        for a in range(states):
+            for b in range(states):
+                left[b] = 0.0
+            for c in range(states):
+                for b in range(states):
+                    left[b] += keep[a, c] * covariances[j, c, b]
+            for b in range(a + 1):
+                total = 0.0
+                for c in range(states):
+                    total += left[c] * keep[b, c]
+                for i in range(rows):
+                    for k in range(rows):
+                        total += gain[j, a, i] * R[i, k] * gain[j, b, k]
+                result[j, a, b] = total
+                result[j, b, a] = total
+        for i in range(rows):
+            expected[j, i] = values[i] - expected[j, i]
+        distance = whiten(factor, expected[j])
+        log_likelihoods[j] = -0.5 * (distance + log_determinant(factor) + rows * LOG_TWO_PI)
+    return updated, result, log_likelihoods
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def weigh_modes(log_predicted: np.ndarray, log_likelihoods: np.ndarray) -> np.ndarray:
     """Log-probabilities of the modes after a measurement.
 

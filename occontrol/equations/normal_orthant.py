@@ -22,7 +22,7 @@ _ROOTS = np.sqrt(np.array([2.0, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43,
 MAX_ROWS = len(_ROOTS) + 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def normal_cdf(x: float) -> float:
     """Standard normal distribution function, with full relative accuracy in the lower tail.
 
@@ -33,7 +33,7 @@ def normal_cdf(x: float) -> float:
     return 0.5 * math.erfc(-x * 0.7071067811865476)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def normal_quantile(probability: float) -> float:
     """Inverse of `normal_cdf`: a rational start (P. J. Acklam) and one Halley step on the complementary error function.
 
@@ -60,14 +60,14 @@ def normal_quantile(probability: float) -> float:
     return x - slope / (1.0 + 0.5 * x * slope)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _between(low: float, high: float) -> float:
     if high <= low:
         return 0.0
     return normal_cdf(-low) - normal_cdf(-high) if low > 0 else normal_cdf(high) - normal_cdf(low)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _echelon(mean, covariance):
     """Standardised (threshold, L, last column of each row, rank, error) with y <= 0 <=> L z <= threshold; rank -1: impossible."""
     size = len(mean)
@@ -106,7 +106,7 @@ def _echelon(mean, covariance):
     return scaled[:kept], factor, last, rank, error
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _limits(column, z, threshold, factor, last):
     low, high = -np.inf, np.inf
     for i in range(len(threshold)):
@@ -122,7 +122,7 @@ def _limits(column, z, threshold, factor, last):
     return low, high
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _panel(left, right, z, threshold, factor, last):
     total = 0.0
     for i in range(len(_NODES)):
@@ -132,7 +132,7 @@ def _panel(left, right, z, threshold, factor, last):
     return total * 0.5 * (right - left) * 0.3989422804014327
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _plane(threshold, factor, last):
     """Rank 2: integrate the inner interval's probability over the first coordinate, broken where a step begins, is and ends."""
     z = np.zeros(2)
@@ -174,7 +174,7 @@ def _plane(threshold, factor, last):
     return total, error
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _lattice(threshold, factor, last, rank, tolerance):
     """Rank 3 and more: shifted Richtmyer lattices, doubled until three standard errors are below the tolerance."""
     z, shift = np.zeros(rank), np.empty(rank)
@@ -213,7 +213,7 @@ def _lattice(threshold, factor, last, rank, tolerance):
         points *= 2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def orthant_probability(mean: np.ndarray, covariance: np.ndarray, tolerance: float) -> tuple[float, float]:
     """Probability that y <= 0 in every row, for a Gaussian y.
 

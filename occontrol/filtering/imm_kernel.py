@@ -46,7 +46,7 @@ class JumpModel(NamedTuple):
     position: np.ndarray
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def predict_step(model, k: int, means: np.ndarray, covariances: np.ndarray, log_probabilities: np.ndarray):
     """Steps 1 and 2 and the prediction of every mode from k - 1 to k.
 
@@ -73,37 +73,40 @@ def predict_step(model, k: int, means: np.ndarray, covariances: np.ndarray, log_
     A = model.A[min(k, len(model.A)) - 1]
     noise = model.noise[min(k, len(model.noise)) - 1]
     drift = model.drift[min(k, len(model.drift)) - 1]
-    new_means, new_covariances = np.empty_like(means), np.empty_like(covariances)
-    for j in range(len(means)):
-        mean, covariance = match_moments(mixing[j], means, covariances)
-        mean, covariance = propagate(mean, covariance, A[j], noise[j], drift[j])
-        new_means[j] = mean
-        new_covariances[j] = covariance
+    mixed_means, mixed_covariances = match_moments(mixing, means, covariances)
+    new_means, new_covariances = propagate(mixed_means, mixed_covariances, A, noise, drift)
     return new_means, new_covariances, log_predicted, excess, error
 
 
-@njit(cache=True)
-def position_variance(model, cross: np.ndarray, spread: np.ndarray, covariance: np.ndarray) -> float:
-    """Trace of the position block of one mode's covariance after a measurement.
+@njit(cache=True, error_model="numpy")
+def position_variance(
+    position: np.ndarray, log_predicted: np.ndarray, covariances: np.ndarray, cross: np.ndarray, spread: np.ndarray
+) -> float:
+    """Expected trace of the modes' own position covariances after a measurement.
 
-    tr P_pos,  P = P- - P- C' S^-1 C P-
+    sum_j c_j tr P_j,pos,    P_j = P_j- - P_j- C' S_j^-1 C P_j-
 
     Parameters
     ----------
-    model : JumpModel
-    cross, spread, covariance : (p, n) C P-, (p, p) S, (n, n) P-
+    position : indices of the state that count as position
+    log_predicted : (modes,) ln c_j
+    covariances, cross, spread : (modes, n, n) P-, (modes, n, p) P- C', overwritten, (modes, p, p) S
+
+    The probabilities after the measurement average to c_j, which makes this the part of the expected error covariance that does
+    not depend on the measurement; what is left out is the spread of the modes' means about the estimate.
     """
-    factor = cholesky(spread)
+    factor = np.empty(spread.shape[1:])
     total = 0.0
-    for d in model.position:
-        white = whiten(factor, cross[:, d])
-        total += covariance[d, d]
-        for i in range(len(white)):
-            total -= white[i] * white[i]
+    for j in range(len(log_predicted)):
+        cholesky(spread[j], factor)
+        own = 0.0
+        for d in position:
+            own += covariances[j, d, d] - whiten(factor, cross[j, d])
+        total += math.exp(log_predicted[j]) * own
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def score_groups(
     model, k: int, means: np.ndarray, covariances: np.ndarray, log_predicted: np.ndarray, bound_weight: float, position_weight: float
 ) -> np.ndarray:
@@ -120,50 +123,21 @@ def score_groups(
 
     Returns
     -------
-    (groups,). The second term is the part of the expected error covariance that does not depend on the measurement.
+    (groups,)
     """
-    modes = len(means)
     C, R = model.C[min(k, len(model.C)) - 1], model.R[min(k, len(model.R)) - 1]
     scores = np.zeros(len(model.rows))
     for g in range(len(scores)):
         p = model.rows[g]
-        expected, spreads = np.empty((modes, p)), np.empty((modes, p, p))
-        for j in range(modes):
-            mean, spread, cross = predict_measurement(means[j], covariances[j], C[g, :p], R[g, :p, :p])
-            expected[j] = mean
-            spreads[j] = spread
-            if position_weight != 0.0:
-                variance = position_variance(model, cross, spread, covariances[j])
-                scores[g] += position_weight * math.exp(log_predicted[j]) * variance
+        expected, spread, cross = predict_measurement(means, covariances, C[g, :p], R[g, :p, :p])
         if bound_weight != 0.0:
-            scores[g] += bound_weight * error_bound(log_predicted, expected, spreads)
+            scores[g] += bound_weight * error_bound(log_predicted, expected, spread)
+        if position_weight != 0.0:
+            scores[g] += position_weight * position_variance(model.position, log_predicted, covariances, cross, spread)
     return scores
 
 
-@njit(cache=True)
-def correct_step(means: np.ndarray, covariances: np.ndarray, log_predicted: np.ndarray, C: np.ndarray, R: np.ndarray, values: np.ndarray):
-    """Steps 4 and 5: every mode's measurement update, and the mode probabilities.
-
-    Parameters
-    ----------
-    means, covariances, log_predicted : of `predict_step`
-    C, R, values : (p, n), (p, p), (p,) of the chosen group
-
-    Returns
-    -------
-    means, covariances, log_probabilities after the measurement.
-    """
-    log_likelihoods = np.empty(len(means))
-    new_means, new_covariances = np.empty_like(means), np.empty_like(covariances)
-    for j in range(len(means)):
-        mean, covariance, log_likelihood = correct(means[j], covariances[j], C, R, values)
-        new_means[j] = mean
-        new_covariances[j] = covariance
-        log_likelihoods[j] = log_likelihood
-    return new_means, new_covariances, weigh_modes(log_predicted, log_likelihoods)
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def filter_runs(
     model, mean: np.ndarray, covariance: np.ndarray, log_probabilities: np.ndarray, values: np.ndarray, choices: np.ndarray,
     bound_weight: float, position_weight: float,
@@ -206,9 +180,10 @@ def filter_runs(
             for i in range(p):
                 reading[i] = values[run, k - 1, model.place[group, i]]
             C, R = model.C[min(k, len(model.C)) - 1], model.R[min(k, len(model.R)) - 1]
-            x, P, chance = correct_step(x, P, chance, C[group, :p], R[group, :p, :p], reading[:p])
-            combined, spread = match_moments(np.exp(chance), x, P)
-            estimates[run, k - 1] = combined
-            spreads[run, k - 1] = spread
+            x, P, log_likelihoods = correct(x, P, C[group, :p], R[group, :p, :p], reading[:p])
+            chance = weigh_modes(chance, log_likelihoods)
+            combined, spread = match_moments(np.exp(chance).reshape(1, -1), x, P)
+            estimates[run, k - 1] = combined[0]
+            spreads[run, k - 1] = spread[0]
             chances[run, k - 1] = chance
     return estimates, spreads, chances, excess, error
