@@ -54,7 +54,7 @@ def write_run(
 
     Raises FileAccessError when the folder cannot be written.
     """
-    from occontrol.files.schema import document
+    from occontrol.files.problem_file import document
 
     folder = Path(folder)
     check_writable(folder)
@@ -133,7 +133,7 @@ def read_run(folder: str | Path) -> tuple[Any, Solution]:
 
     Raises ProblemError naming the file that is missing, damaged, or does not belong to the others.
     """
-    from occontrol.files.schema import read_document
+    from occontrol.files.problem_file import read_problem
 
     folder = Path(folder)
     result_path, problem_path, arrays_path = (_locate(folder, name) for name in (RESULT, PROBLEM, ARRAYS))
@@ -146,7 +146,7 @@ def read_run(folder: str | Path) -> tuple[Any, Solution]:
         if content["status"] not in list(Status):
             raise ProblemError(Mistake((), f"unknown status '{content['status']}'", place=str(result_path)))
         _check_digests(content, {PROBLEM: problem_path, ARRAYS: arrays_path}, result_path)
-        problem = read_document(load_json(problem_path), str(problem_path))
+        problem = read_problem(problem_path)
         arrays = _read_arrays(arrays_path)
     except OSError as error:
         raise FileAccessError(f"cannot read {folder}: {error.strerror or error}") from error

@@ -1,0 +1,195 @@
+"""Panels that several families share: who measures when, curves or maps over time, convergence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.ticker import FuncFormatter, LogLocator
+
+from occontrol.core.schedule import Schedule
+from occontrol.files.figures import style
+
+MOST_ROWS = 40
+WIDE_RANGE = 50.0  # above this ratio of the largest to the smallest value the axis is logarithmic
+
+
+def schedule_panel(axes: Axes, schedule: Schedule, available: np.ndarray | None = None, shares: bool = True) -> None:
+    """Who measures when: one row per sensor; the height of a bar is the weight, so that fractions show.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    schedule : Schedule
+    available : (K, M) of bool, drawn as a pale band behind the bars; None where there are no windows
+    shares : whether to write each sensor's share of the horizon at the right
+    """
+    edges, weights = schedule.edges, schedule.weights
+    lengths = np.diff(edges)
+    use = lengths @ weights / np.sum(lengths)
+    rows = list(range(len(schedule.names)))
+    if len(rows) > MOST_ROWS:  # the most used ones, in the user's order
+        rows = sorted(sorted(rows, key=lambda j: -use[j])[:MOST_ROWS])
+    colours = style.sensor_colours(schedule.names)
+    height = 0.8
+    thickest = max(1.0, float(np.max(weights, initial=1.0)))  # idle may fill several places at a time
+    for row, j in enumerate(rows):
+        base = len(rows) - 1 - row - height / 2
+        if available is not None:
+            _band(axes, edges, available[:, j] * height, base, style.PALE)
+        _band(axes, edges, weights[:, j] / thickest * height, base, colours[j])
+        if shares and len(rows) <= 25:
+            text = "–" if use[j] <= 0 else "< 0.1 %" if use[j] < 1e-3 else f"{100 * use[j]:.3g} %"
+            at = axes.get_yaxis_transform()
+            axes.text(1.008, base + height / 2, text, transform=at, va="center", fontsize=9, color="#555555")
+    size = 10 if len(rows) <= 12 else 8 if len(rows) <= 25 else 6
+    axes.set_yticks(range(len(rows)), [style.shorten(schedule.names[j]) for j in reversed(rows)], fontsize=size)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(-0.6, len(rows) - 0.4)
+    axes.spines["left"].set_visible(False)
+    hidden = len(schedule.names) - len(rows)
+    if hidden:
+        axes.set_title(f"{axes.get_title(loc='left')} (the {len(rows)} most used; {hidden} more)")
+
+
+def _band(axes: Axes, edges: np.ndarray, heights: np.ndarray, base: float, colour: str) -> None:
+    shown = heights > 0
+    if not np.any(shown):
+        return
+    tops = base + np.append(heights, heights[-1])
+    where = np.append(shown, shown[-1])
+    axes.fill_between(edges, base, tops, where=where.tolist(), step="post", color=colour, linewidth=0)
+
+
+def curves_panel(
+    axes: Axes, times: np.ndarray, values: np.ndarray, names: Sequence[str], label: str, colours: Sequence[str] = ()
+) -> None:
+    """A few curves over time with their names beside their ends.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    times : (K,)
+    values : (K, C) one column per curve
+    names : of the C curves
+    label : of the vertical axis
+    colours : of the curves; the palette's if left out
+    """
+    colours = colours or style.PALETTE
+    for j, name in enumerate(names):
+        axes.plot(times, values[:, j], color=colours[j % len(colours)], label=style.shorten(name))
+    finite = values[np.isfinite(values)]
+    positive = finite[finite > 0]
+    if len(positive) == len(finite) and len(positive) and np.max(positive) > WIDE_RANGE * np.min(positive):
+        axes.set_yscale("log")
+    elif len(finite) and np.min(finite) >= 0:
+        axes.set_ylim(bottom=0)
+    axes.set_ylabel(label)
+    axes.grid(axis="y")
+    legend(axes, len(names))
+
+
+def legend(axes: Axes, entries: int) -> None:
+    """The names of the curves at the right of the panel, outside of it.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    entries : how many there are
+    """
+    if entries:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), borderaxespad=0.0, handlelength=1.2)
+
+
+def map_panel(
+    axes: Axes, edges: np.ndarray, values: np.ndarray, names: Sequence[str], label: str, log: bool = True
+) -> None:
+    """Many curves over time as a map, one row each.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    edges : (K+1,) ends of the K columns
+    values : (K, C); not-a-number stays white
+    names : of the C rows
+    label : of the colours
+    log : whether colours go by the logarithm where the values are positive and far apart
+    """
+    finite = values[np.isfinite(values)]
+    positive = finite[finite > 0]
+    if log and len(positive) and np.max(positive) > WIDE_RANGE * np.min(positive):
+        low = max(float(np.min(positive)), float(np.max(positive)) * 1e-6)
+        norm: Any = LogNorm(low, float(np.max(positive)), clip=True)
+        values = np.where(np.isfinite(values), np.maximum(values, low), np.nan)
+    else:
+        low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
+        norm = Normalize(low, high if high > low else low + 1.0)
+    count = len(names)
+    mesh = axes.pcolormesh(
+        edges, np.arange(count + 1) - 0.5, np.ma.masked_invalid(values.T), cmap=style.colour_map(), norm=norm
+    )
+    axes.invert_yaxis()
+    every = max(1, int(np.ceil(count / 15)))
+    axes.set_yticks(range(0, count, every), [style.shorten(n, 14) for n in names[::every]], fontsize=8)
+    axes.tick_params(axis="y", length=0)
+    bar = axes.figure.colorbar(mesh, ax=axes, pad=0.01, aspect=18)  # type: ignore[union-attr]
+    bar.set_label(label, fontsize=9)
+    bar.outline.set_visible(False)  # type: ignore[operator]
+
+
+def convergence_panel(axes: Axes, history: Sequence[Mapping[str, Any]], target: float | None = None) -> bool:
+    """How the relative gap between cost and proven bound closed.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    history : records {iteration, cost, lower_bound}
+    target : relative gap aimed at, drawn as a line
+
+    Returns False, and draws nothing, when there are fewer than two iterations.
+    """
+    cost, bound = history_columns(history)
+    if len(cost) < 2:
+        return False
+    best = np.maximum.accumulate(np.where(np.isfinite(bound), bound, -np.inf))
+    lowest = np.minimum.accumulate(np.where(np.isfinite(cost), cost, np.inf))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        gap = (lowest - best) / np.abs(lowest)
+    gap = np.where(np.isfinite(gap) & (gap > 0), gap, np.nan)
+    if not np.any(np.isfinite(gap)):
+        return False
+    steps = np.arange(1, len(gap) + 1)
+    axes.semilogy(steps, gap, color=style.ACCENT, marker="o" if len(gap) <= 40 else None, markersize=3)
+    if target:
+        axes.axhline(target, color=style.GREY, linestyle="--", linewidth=1)
+        axes.annotate(" target", (steps[0], target), va="bottom", fontsize=9, color="#666666")
+    few_decades = np.nanmax(gap) < 100 * np.nanmin(gap)
+    axes.yaxis.set_major_formatter(FuncFormatter(_percent))
+    axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0) if few_decades else ()))
+    axes.yaxis.set_minor_formatter(FuncFormatter(_percent))
+    axes.set_xlabel("iteration")
+    axes.set_ylabel("relative gap")
+    axes.grid(axis="y", which="both")
+    return True
+
+
+def _percent(value: float, position: int | None = None) -> str:
+    return f"{100 * value:.3g} %"
+
+
+def history_columns(history: Sequence[Mapping[str, Any]]) -> tuple[np.ndarray, np.ndarray]:
+    """Cost and bound of every record as arrays, not-a-number where a record has none.
+
+    Parameters
+    ----------
+    history : records of a Solution
+    """
+
+    def column(key: str) -> np.ndarray:
+        values = [record.get(key) for record in history]
+        return np.array([float(v) if isinstance(v, int | float) else np.nan for v in values])
+
+    return column("cost"), column("lower_bound")
