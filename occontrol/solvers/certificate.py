@@ -1,0 +1,139 @@
+"""Cost, lower bound and gap of a policy: of the discretised problem, and independently in continuous time.
+
+Discretised: J(v) - sum_k [v_k.g_k - min_w w.g_k] for any v, so also the relaxation's bound holds for every schedule on
+the grid. Continuous: covariance and costate re-integrated by solvers/reintegration.py, which shares no numerics with the
+recursion; only that bound holds for all switching times. The two costs must agree within the discretisation error,
+which is measured by halving every interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from occontrol.core.schedule import Schedule
+from occontrol.core.scheduling import SchedulingProblem
+from occontrol.core.solution import Certificate
+from occontrol.numerics.discretise import discretise
+from occontrol.numerics.polytope import excess
+from occontrol.numerics.sweep import Sweep
+from occontrol.solvers.reintegration import ContinuousCheck, reintegrate
+
+SAFETY = 5.0
+RELATIVE = 1e-6
+
+
+def policy_certificate(sweep: Sweep, weights: np.ndarray, known_bound: float = -np.inf) -> Certificate:
+    """Cost of a policy and the better of its own lower bound and one known already.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    weights : (N, M) policy in V
+    known_bound : a proven lower bound of the same recursion, if any
+    """
+    r = sweep.recursion
+    J, g = sweep.cost_and_gradient(weights)
+    own = J - float(np.sum(excess(weights, g, r.upper, r.select)))
+    # a bound may exceed the cost by rounding only
+    return Certificate(J, min(max(own, known_bound), J))
+
+
+def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: float) -> float:
+    """Estimated |J(h) - J(0)| of a policy (N, M): 4/3 of the change when every interval is halved.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    weights : (N, M)
+    cost : J(h)
+    """
+    edges = np.sort(np.concatenate([problem.edges, problem.midpoints]))
+    finer = replace(problem, edges=edges)
+    return 4 / 3 * abs(Sweep(discretise(finer)).cost(np.repeat(weights, 2, axis=0)) - cost)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The independent check beside the discretised numbers.
+
+    Parameters
+    ----------
+    continuous : the policy in continuous time
+    lower_bound : the best continuous-time bound of all policies that were re-integrated
+    discretisation_error : estimated |J(h) - J(0)|
+    agrees : whether the two costs lie within 5 times that plus 1e-6 relative
+    """
+
+    continuous: ContinuousCheck
+    lower_bound: float
+    discretisation_error: float
+    agrees: bool
+
+    @property
+    def certificate(self) -> Certificate:
+        """Cost and bound in continuous time."""
+        return Certificate(self.continuous.cost, min(self.lower_bound, self.continuous.cost))
+
+    @property
+    def text(self) -> str:
+        """What the user reads when the check disagrees."""
+        return f"the recursion and the independent integration differ by more than {SAFETY:g} discretisation errors"
+
+
+def judge(
+    problem: SchedulingProblem, weights: np.ndarray, cost: float, relaxed: np.ndarray | None = None
+) -> Judgement:
+    """Re-integrate a policy (and, for its bound, the relaxed one) in continuous time and compare the cost.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    weights : (N, M) policy on the problem's edges
+    cost : its J by the recursion
+    relaxed : (N, M) the relaxed optimum, whose continuous-time bound is the tighter one
+    """
+    names = tuple(problem.sensors.names)
+    check = reintegrate(problem, Schedule(problem.edges, weights, names))
+    bound = check.lower_bound
+    if relaxed is not None and relaxed is not weights:
+        bound = max(bound, reintegrate(problem, Schedule(problem.edges, relaxed, names)).lower_bound)
+    error = discretisation_error(problem, weights, cost)
+    allowed = SAFETY * error + RELATIVE * abs(cost) + check.error
+    return Judgement(check, bound, error, bool(abs(check.cost - cost) <= allowed))
+
+
+@dataclass(frozen=True)
+class Claims:
+    """What somebody says about a policy.
+
+    Parameters
+    ----------
+    cost : of the discretised problem, or None
+    lower_bound : of the discretised problem, or None
+    """
+
+    cost: float | None = None
+    lower_bound: float | None = None
+
+
+def false_claims(claims: Claims, cost: float, lowest_cost: float) -> list[str]:
+    """Sentences on every claim that the recomputed numbers refute; empty if none is.
+
+    A claimed bound is refuted when some policy, relaxed or not, costs less than it.
+
+    Parameters
+    ----------
+    claims : Claims
+    cost : recomputed J of the claimed policy
+    lowest_cost : the lowest J of any policy known, the relaxed optimum included
+    """
+    found = []
+    if claims.cost is not None and not abs(claims.cost - cost) <= 1e-8 * abs(cost):
+        found.append(f"the stated cost is {claims.cost:.10g}, the schedule costs {cost:.10g}")
+    if claims.lower_bound is not None and not claims.lower_bound <= lowest_cost + 1e-8 * abs(lowest_cost):
+        found.append(
+            f"the stated lower bound {claims.lower_bound:.10g} is not one: a relaxed policy costs {lowest_cost:.10g}"
+        )
+    return found
