@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.errors import Mistake, Path
-from occontrol.core.signal import Signal
+from occontrol.core.signal import ExpressionSignal, Signal
 
 ASYMMETRY = 1e-9
 NEGATIVE = 1e-10
+BETWEEN = 513
 
 
-def check_shape(name: str, shape: tuple[int, int], rows: int | None, columns: int | None, path: Path, hint: str = "") -> list[Mistake]:
+def check_shape(
+    name: str, shape: tuple[int, int], rows: int | None, columns: int | None, path: Path, hint: str = ""
+) -> list[Mistake]:
     """Compare a shape with the wanted one; None is any."""
     wrong = (rows is not None and shape[0] != rows) or (columns is not None and shape[1] != columns)
     if not wrong:
@@ -20,7 +23,9 @@ def check_shape(name: str, shape: tuple[int, int], rows: int | None, columns: in
     return [Mistake(path, f"{name} is {shape[0]}x{shape[1]}, it must be {wanted}", hint)]
 
 
-def check_covariance(name: str, matrix: np.ndarray, path: Path, definite: bool = False, when: str = "") -> list[Mistake]:
+def check_covariance(
+    name: str, matrix: np.ndarray, path: Path, definite: bool = False, when: str = ""
+) -> list[Mistake]:
     """Finite, symmetric to 1e-9 relative and positive semidefinite (or definite); names the eigenvalue."""
     if not np.all(np.isfinite(matrix)):
         return [Mistake(path, f"{name} is not finite{when}")]
@@ -31,8 +36,8 @@ def check_covariance(name: str, matrix: np.ndarray, path: Path, definite: bool =
     scale = float(np.max(np.abs(matrix)))
     if np.max(np.abs(matrix - matrix.T)) > ASYMMETRY * scale:
         i, j = np.unravel_index(int(np.argmax(np.abs(matrix - matrix.T))), matrix.shape)
-        what = f"{name} is not symmetric{when}: entry [{i + 1},{j + 1}] is {matrix[i, j]:g}, [{j + 1},{i + 1}] is {matrix[j, i]:g}"
-        return [Mistake(path, what)]
+        entries = f"entry [{i + 1},{j + 1}] is {matrix[i, j]:g}, [{j + 1},{i + 1}] is {matrix[j, i]:g}"
+        return [Mistake(path, f"{name} is not symmetric{when}: {entries}")]
     eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
     smallest, largest = float(eigenvalues[0]), max(float(eigenvalues[-1]), 0.0)
     if definite and smallest <= 1e-14 * largest:
@@ -43,15 +48,33 @@ def check_covariance(name: str, matrix: np.ndarray, path: Path, definite: bool =
 
 
 def check_finite(name: str, signal: Signal, times: np.ndarray, path: Path, variable: str = "t") -> list[Mistake]:
-    """Evaluate a signal on a grid; name the first time at which it is not finite."""
+    """Evaluate a signal on a grid, and formulas between; name the first time at which it is not finite."""
+    if signal.constant or len(times) == 0:
+        return []
+    hint = "it must be finite over the whole horizon"
+    times = looked_at(signal, times, variable)
     values = signal.sample(times)
     bad = ~np.all(np.isfinite(values), axis=(1, 2))
-    if not np.any(bad):
+    if np.any(bad):
+        k = int(np.argmax(bad))
+        i, j = np.argwhere(~np.isfinite(values[k]))[0]
+        where = f"entry [{i + 1},{j + 1}] is {values[k, i, j]}"
+        return [Mistake(path, f"{name} is not finite at {variable} = {times[k]:.6g}: {where}", hint)]
+    pole = signal.pole(times) if isinstance(signal, ExpressionSignal) and variable == "t" else None
+    if pole is None:
         return []
-    k = int(np.argmax(bad))
-    i, j = np.argwhere(~np.isfinite(values[k]))[0]
-    where = f"entry [{i + 1},{j + 1}] is {values[k, i, j]}"
-    return [Mistake(path, f"{name} is not finite at {variable} = {times[k]:.6g}: {where}", "it must be finite over the whole horizon")]
+    what = f"{name} is not finite at {variable} = {pole[0]:.6g}: entry [{pole[1] + 1},{pole[2] + 1}] is infinite"
+    return [Mistake(path, what, hint)]
+
+
+def looked_at(signal: Signal, times: np.ndarray, variable: str = "t") -> np.ndarray:
+    """The times at which a signal is checked: the grid, and in continuous time more between for a formula or table."""
+    if variable != "t" or signal.constant:
+        return times
+    inside = signal.breakpoints
+    if isinstance(signal, ExpressionSignal):
+        inside = np.linspace(times[0], times[-1], BETWEEN)
+    return np.union1d(times, inside[(inside > times[0]) & (inside < times[-1])])
 
 
 def check_covariance_signal(
@@ -60,11 +83,21 @@ def check_covariance_signal(
     """`check_covariance` at every time of the grid; the first failure is reported with its time."""
     if signal.constant:
         return check_covariance(name, signal.at(0.0), path, definite)
+    if len(times) == 0:
+        return []
     mistakes = check_finite(name, signal, times, path, variable)
     if mistakes:
         return mistakes
-    for t, value in zip(times, signal.sample(times), strict=True):
-        found = check_covariance(name, value, path, definite, f" at {variable} = {t:.6g}")
+    times = looked_at(signal, times, variable)
+    values = signal.sample(times)
+    if signal.shape[0] != signal.shape[1] or signal.shape[0] == 0:
+        return check_covariance(name, values[0], path, definite)
+    swapped = np.swapaxes(values, 1, 2)
+    smallest = np.linalg.eigvalsh((values + swapped) / 2)[:, 0]
+    uneven = np.max(np.abs(values - swapped), axis=(1, 2)) > 0
+    # only what may fail is looked at one by one
+    for k in np.flatnonzero((smallest <= 1e-9 * np.max(np.abs(values), axis=(1, 2))) | uneven):
+        found = check_covariance(name, values[k], path, definite, f" at {variable} = {times[k]:.6g}")
         if found:
             return found
     return []

@@ -11,11 +11,13 @@ import ast
 import difflib
 import math
 import operator
+import warnings
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 from occontrol.core.errors import ProblemError
+from occontrol.core.poles import suspects
 
 MAX_LENGTH = 10_000
 MAX_DEPTH = 100
@@ -25,7 +27,10 @@ CONSTANTS = {"pi": math.pi, "e": math.e}
 
 # name: (CasADi function, fewest arguments, most arguments); most = 0 means any number
 FUNCTIONS: dict[str, tuple[str, int, int]] = {
-    **{name: (name, 1, 1) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign", "floor")},
+    **{
+        name: (name, 1, 1)
+        for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign", "floor")
+    },
     **{name: (name, 1, 1) for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh", "log10", "ceil", "erf")},
     "abs": ("fabs", 1, 1),
     "atan2": ("atan2", 2, 2),
@@ -54,7 +59,9 @@ def _suggest(name: str, known: Sequence[str]) -> str:
 
 def _parse(text: str) -> ast.expr:
     if len(text) > MAX_LENGTH:
-        raise _fail(text, f"has {len(text)} characters, the limit is {MAX_LENGTH}", "use a table: {times: ..., values: ...}")
+        raise _fail(
+            text, f"has {len(text)} characters, the limit is {MAX_LENGTH}", "use a table: {times: ..., values: ...}"
+        )
     depth = deepest = 0
     for c in text:
         depth += (c in "([{") - (c in ")]}")
@@ -62,7 +69,9 @@ def _parse(text: str) -> ast.expr:
     if deepest > MAX_DEPTH:
         raise _fail(text, f"nests {deepest} parentheses, the limit is {MAX_DEPTH}")
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
+        with warnings.catch_warnings():  # '1if t else 2' would print one
+            warnings.simplefilter("ignore")
+            tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise _fail(text, "is not a formula", f"syntax: {getattr(error, 'msg', error)}") from None
     count, level, nodes = 0, 0, [tree]
@@ -73,7 +82,9 @@ def _parse(text: str) -> ast.expr:
             raise _fail(text, f"has more than {MAX_NODES} terms", "use a table: {times: ..., values: ...}")
         if level > 4 * MAX_DEPTH:
             # long sums lean to the left, one level a term
-            raise _fail(text, f"has more than {4 * MAX_DEPTH} terms in a row", "group terms with parentheses, or use a table")
+            raise _fail(
+                text, f"has more than {4 * MAX_DEPTH} terms in a row", "group terms with parentheses, or use a table"
+            )
         nodes = [child for node in nodes for child in ast.iter_child_nodes(node)]
     return tree
 
@@ -112,7 +123,11 @@ class Expression:
                     raise _fail(self.text, "contains a number that is not finite")
             elif isinstance(node, ast.Call):
                 if not isinstance(node.func, ast.Name) or node.keywords:
-                    raise _fail(self.text, "calls something that is not a plain function", "functions: " + ", ".join(sorted(FUNCTIONS)))
+                    raise _fail(
+                        self.text,
+                        "calls something that is not a plain function",
+                        "functions: " + ", ".join(sorted(FUNCTIONS)),
+                    )
                 name, given = node.func.id, len(node.args)
                 if name not in FUNCTIONS:
                     raise _fail(self.text, f"calls the unknown function '{name}'", _suggest(name, sorted(FUNCTIONS)))
@@ -139,33 +154,50 @@ class Expression:
                 if not isinstance(node.op, ast.USub | ast.UAdd):
                     raise _fail(self.text, "uses an operator that is not allowed", "operators: + - * / **")
             elif isinstance(node, ast.Attribute):
-                raise _fail(self.text, f"uses '.{node.attr}': attributes are not allowed", "write sin(t), not math.sin(t)")
+                raise _fail(
+                    self.text, f"uses '.{node.attr}': attributes are not allowed", "write sin(t), not math.sin(t)"
+                )
             elif not isinstance(node, ast.operator | ast.unaryop | ast.expr_context):
                 raise _fail(self.text, f"contains something that is not a formula ({type(node).__name__})")
         self.used = frozenset(used)
 
     def casadi(self, symbols: dict[str, Any]) -> Any:
         """The formula rebuilt over CasADi symbols, one for each name in `variables`."""
+        return _build(self._tree, symbols)
+
+    @cached_property
+    def suspects(self) -> list[tuple[ast.expr, str]]:
+        """Subformulas at whose zeros the formula may be infinite."""
+        return suspects(self._tree)
+
+    def casadi_suspects(self, symbols: dict[str, Any]) -> list[Any]:
+        """The suspects over CasADi symbols."""
         import casadi
 
-        def build(node: ast.expr) -> Any:
-            if isinstance(node, ast.Constant):
-                return casadi.SX(float(node.value))  # type: ignore[arg-type]
-            if isinstance(node, ast.Name):
-                return symbols[node.id] if node.id in symbols else casadi.SX(CONSTANTS[node.id])
-            if isinstance(node, ast.BinOp):
-                return _BINARY[type(node.op)](build(node.left), build(node.right))
-            if isinstance(node, ast.UnaryOp):
-                return -build(node.operand) if isinstance(node.op, ast.USub) else build(node.operand)
-            assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-            function = getattr(casadi, FUNCTIONS[node.func.id][0])
-            values = [build(a) for a in node.args]
-            result = function(*values[:2]) if len(values) > 1 else function(values[0])
-            for value in values[2:]:
-                result = function(result, value)
-            return result
+        built = [(_build(node, symbols), outer) for node, outer in self.suspects]
+        return [casadi.cos(node) if outer == "cos" else node for node, outer in built]
 
-        return build(self._tree)
+
+def _build(node: ast.expr, symbols: dict[str, Any]) -> Any:
+    """A checked syntax tree over CasADi symbols."""
+    import casadi
+
+    if isinstance(node, ast.Constant):
+        return casadi.SX(float(node.value))  # type: ignore[arg-type]
+    if isinstance(node, ast.Name):
+        return symbols[node.id] if node.id in symbols else casadi.SX(CONSTANTS[node.id])
+    if isinstance(node, ast.BinOp):
+        return _BINARY[type(node.op)](_build(node.left, symbols), _build(node.right, symbols))
+    if isinstance(node, ast.UnaryOp):
+        operand = _build(node.operand, symbols)
+        return -operand if isinstance(node.op, ast.USub) else operand
+    assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    function = getattr(casadi, FUNCTIONS[node.func.id][0])
+    values = [_build(a, symbols) for a in node.args]
+    result = function(*values[:2]) if len(values) > 1 else function(values[0])
+    for value in values[2:]:
+        result = function(result, value)
+    return result
 
 
 @lru_cache(maxsize=4096)

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.core.checks import check_covariance_signal, check_finite, check_shape
-from occontrol.core.errors import Collector, InfeasibleError, Mistake, ProblemError
+from occontrol.core.checks import check_covariance_signal, check_finite, check_shape, looked_at
+from occontrol.core.errors import Collector, InfeasibleError, Mistake
 from occontrol.core.plant import LinearPlant
-from occontrol.core.sensor import SensorSuite
+from occontrol.core.sensor import Sensor, SensorSuite
 from occontrol.core.signal import Signal, TableSignal, as_signal
 
 
@@ -60,29 +60,39 @@ class SchedulingProblem:
                 object.__setattr__(self, "sensors", SensorSuite(tuple(self.sensors)))
         edges = np.asarray(self.edges, dtype=float)
         object.__setattr__(self, "edges", edges)
+        found.mistakes += self._horizon(edges)
+        if not (np.isfinite(self.cost_weight) and self.cost_weight >= 0):
+            what = f"cost_weight is {self.cost_weight:g}, it must be finite and not negative"
+            found.add(("objective", "cost_weight"), what, "cost_weight >= 0")
+        converted = len(found.mistakes)
+        for name in ("output", "running"):
+            if getattr(self, name) is not None:
+                with found.under("objective", name):
+                    object.__setattr__(self, name, as_signal(getattr(self, name)))
+        if len(found.mistakes) > converted or not isinstance(self.sensors, SensorSuite):
+            found.raise_if_any()
+        found.mistakes += self._shapes()
+        found.mistakes += self._values({m.path for m in found.mistakes})
+        found.raise_if_any()
+
+    def _horizon(self, edges: np.ndarray) -> list[Mistake]:
+        found = Collector()
         if edges.ndim != 1 or len(edges) < 2:
             found.add(("horizon",), "the horizon has no intervals", "intervals: at least 1")
         elif not np.all(np.isfinite(edges)):
             found.add(("horizon",), "the horizon is not finite")
         elif np.any(np.diff(edges) <= 0):
             found.add(("horizon",), "the edges of the horizon do not increase", "end must lie after start")
-        if self.predict_at is None and edges.ndim == 1 and len(edges):
+        if found.mistakes:
+            object.__setattr__(self, "edges", np.empty(0))
+        elif self.predict_at is None:
             object.__setattr__(self, "predict_at", float(edges[-1]))
-        elif edges.ndim == 1 and len(edges) and not float(self.predict_at) >= edges[-1]:  # type: ignore[arg-type]
+        elif not np.isfinite(self.predict_at):
+            found.add(("horizon", "predict_at"), "predict_at is not finite")
+        elif self.predict_at < edges[-1]:
             what = f"predict_at = {self.predict_at:g} lies before the end of the horizon, {edges[-1]:g}"
             found.add(("horizon", "predict_at"), what, "predict_at >= end")
-        elif not np.isfinite(float(self.predict_at)):  # type: ignore[arg-type]
-            found.add(("horizon", "predict_at"), "predict_at is not finite")
-        if not (np.isfinite(self.cost_weight) and self.cost_weight >= 0):
-            found.add(("objective", "cost_weight"), f"cost_weight is {self.cost_weight:g}", "cost_weight >= 0")
-        for name in ("output", "running"):
-            if getattr(self, name) is not None:
-                with found.under("objective", name):
-                    object.__setattr__(self, name, as_signal(getattr(self, name)))
-        found.raise_if_any()
-        mistakes = self._shapes() or self._values()
-        if mistakes:
-            raise ProblemError(mistakes)
+        return found.mistakes
 
     def _shapes(self) -> list[Mistake]:
         n, found = self.plant.states, []
@@ -99,17 +109,20 @@ class SchedulingProblem:
         if isinstance(self.select, bool) or int(self.select) != self.select or not 1 <= self.select <= places:
             what = f"select is {self.select}, there are {len(self.sensors)} sensors"
             found.append(Mistake(("select",), what, f"1 <= select <= {len(self.sensors)}"))
-        for path, signal in self.signals.items():
+        for path, signal in self.signals.items() if len(self.edges) else ():
             end = self.predict_at if path[0] in ("plant", "objective") else self.edges[-1]
             if isinstance(signal, TableSignal) and not signal.covers(self.edges[0], float(end or 0)):
-                what = f"the table covers [{signal.times[0]:g}, {signal.times[-1]:g}], the horizon is [{self.edges[0]:g}, {end:g}]"
+                table = f"the table covers [{signal.times[0]:g}, {signal.times[-1]:g}]"
+                what = f"{table}, the horizon is [{self.edges[0]:g}, {end:g}]"
                 found.append(Mistake(path, what, "tabulate the whole horizon, for the plant up to predict_at"))
         return found
 
-    def _values(self) -> list[Mistake]:
-        """Definiteness and finiteness at the nodes and midpoints (and, for the plant, on to Tp)."""
-        times = np.sort(np.concatenate([self.edges, (self.edges[1:] + self.edges[:-1]) / 2]))
-        later = np.concatenate([times, np.linspace(self.edges[-1], float(self.predict_at or 0), 9)[1:]])
+    def _values(self, wrong: set) -> list[Mistake]:
+        """Definiteness and finiteness on the horizon (for the plant, on to Tp), but for what is known to be wrong."""
+        times = later = np.sort(np.concatenate([self.edges, (self.edges[1:] + self.edges[:-1]) / 2]))
+        predict_at = [] if len(times) == 0 or ("horizon", "predict_at") in wrong else [float(self.predict_at or 0)]
+        if predict_at and predict_at[0] > times[-1]:
+            later = np.concatenate([times, np.linspace(times[-1], predict_at[0], 65)[1:]])
         found: list[Mistake] = []
         plant = self.plant
         found += check_finite("A", plant.A, later, ("plant", "A"))
@@ -121,17 +134,30 @@ class SchedulingProblem:
             where, of = ("sensors", j), f"of sensor '{sensor.name}'"
             found += check_finite(f"C {of}", sensor.C, times, (*where, "C"))
             found += check_covariance_signal(f"noise {of}", sensor.noise, times, (*where, "noise"), definite=True)
-            wrong = check_finite(f"cost {of}", sensor.cost, times, (*where, "cost"))
-            if not wrong and np.min(sensor.cost.sample(times)) < 0:
-                k = int(np.argmin(sensor.cost.sample(times)))
-                at = "" if sensor.cost.constant else f" at t = {times[k]:.6g}"
-                what = f"cost {of} is {sensor.cost.at(times[k])[0, 0]:g}{at}"
-                wrong = [Mistake((*where, "cost"), what, "a cost rate is not negative")]
-            found += wrong
-        found += check_finite("output", self.output, np.array([self.predict_at]), ("objective", "output"))
+            found += check_finite(f"cost {of}", sensor.cost, times, (*where, "cost")) or self._cost(sensor, j, times)
+        found += check_finite("output", self.output, np.array(predict_at), ("objective", "output"))
         if self.running is not None:
             found += check_covariance_signal("running", self.running, times, ("objective", "running"))
-        return found
+        return [m for m in found if m.path not in wrong]
+
+    def _cost(self, sensor: Sensor, j: int, times: np.ndarray) -> list[Mistake]:
+        """A cost rate below zero; the earliest time at which it is."""
+        if sensor.cost.constant:
+            times = np.zeros(1)
+        elif len(times):
+            times = looked_at(sensor.cost, times)
+        rates = sensor.cost.sample(times)[:, 0, 0]
+        if not np.any(rates < 0):
+            return []
+        k = int(np.argmax(rates < 0))
+        at = "" if sensor.cost.constant else f" at t = {times[k]:.6g}"
+        return [
+            Mistake(
+                ("sensors", j, "cost"),
+                f"cost of sensor '{sensor.name}' is {rates[k]:g}{at}",
+                "a cost rate is not negative",
+            )
+        ]
 
     @property
     def signals(self) -> dict[tuple[str | int, ...], Signal]:
@@ -166,7 +192,7 @@ class SchedulingProblem:
 
     @cached_property
     def upper(self) -> np.ndarray:
-        """(N, M) the largest weight of each sensor on each interval: 0 outside its windows, 1 inside, `select` for idle."""
+        """(N, M) the largest weight of each sensor on each interval: 0 outside windows, `select` for idle, else 1."""
         upper = np.zeros((self.intervals, len(self.sensors)))
         for j, sensor in enumerate(self.sensors):
             if sensor.is_idle:
@@ -183,7 +209,11 @@ class SchedulingProblem:
         if np.any(lacking):
             k = int(np.argmax(lacking))
             count = int(np.sum(self.upper[k]))
-            have = "no sensor is" if count == 0 else f"only {count} of the {self.select} sensors to select {'is' if count == 1 else 'are'}"
+            have = (
+                "no sensor is"
+                if count == 0
+                else f"only {count} of the {self.select} sensors to select {'is' if count == 1 else 'are'}"
+            )
             raise InfeasibleError(
                 f"between t = {self.edges[k]:g} and {self.edges[k + 1]:g} {have} available\n"
                 "  hint: widen a window, put an edge of the grid at the window's end, or add 'idle' to the sensors"

@@ -14,6 +14,17 @@ from occontrol.core.signal import ConstantSignal, Signal, as_signal
 IDLE = "idle"
 
 
+def check_name(name: Any, found: Collector) -> None:
+    """A sensor's name stands in CSV files and messages: printable, without ';' and ','."""
+    if not isinstance(name, str) or not name.strip() or name != name.strip():
+        found.add(("name",), f"the name of a sensor is {name!r}", "a word or words, without blanks at the ends")
+    elif len(name) > 100 or not name.isprintable():
+        found.add(("name",), f"the sensor name {name[:40]!r} is not usable", "up to 100 printable characters")
+    elif set(name) & set(";,\"'"):
+        hint = "names stand in the columns of CSV files: use letters, digits, blanks, - and _"
+        found.add(("name",), f"the sensor name {name} holds one of ; , \" '", hint)
+
+
 @dataclass(frozen=True, eq=False)
 class Sensor:
     """One sensor (or a group that reports together).
@@ -39,6 +50,7 @@ class Sensor:
 
     def __post_init__(self) -> None:
         found = Collector()
+        check_name(self.name, found)
         for name in ("C", "noise", "cost"):
             with found.under(name):
                 object.__setattr__(self, name, as_signal(getattr(self, name)))
@@ -51,10 +63,21 @@ class Sensor:
             mistakes.append(Mistake(("noise",), what, f"it must be {m}x{m}"))
         if self.cost.shape != (1, 1):
             mistakes.append(Mistake(("cost",), f"cost of sensor '{self.name}' is not a single number or formula"))
+        if self.name == IDLE and m > 0:
+            what = "the name 'idle' is kept for the sensor that measures nothing"
+            mistakes.append(Mistake(("name",), what, "rename the sensor, or write idle alone in the list of sensors"))
         if self.windows is not None:
             windows = []
+            if not self.windows:
+                mistakes.append(
+                    Mistake(("windows",), f"sensor '{self.name}' has no window", "leave windows out for always")
+                )
             for i, window in enumerate(self.windows):
-                if len(window) != 2 or not np.all(np.isfinite(np.asarray(window, dtype=float))) or not window[0] < window[1]:
+                if (
+                    len(window) != 2
+                    or not np.all(np.isfinite(np.asarray(window, dtype=float)))
+                    or not window[0] < window[1]
+                ):
                     what = f"window {i + 1} of sensor '{self.name}' is {list(window)}"
                     mistakes.append(Mistake(("windows", i), what, "a window is [start, end] with start < end"))
                 else:
@@ -79,11 +102,17 @@ class Sensor:
         return {"C": self.C, "noise": self.noise, "cost": self.cost}
 
     def available(self, start: float, end: float) -> bool:
-        """Whether the whole of [start, end] lies inside one window."""
+        """Whether the whole of [start, end] lies inside the windows (those that touch count as one)."""
         if self.windows is None:
             return True
         slack = 1e-9 * max(1.0, abs(start), abs(end))
-        return any(a <= start + slack and end <= b + slack for a, b in self.windows)
+        for a, b in self.windows:  # in order of time
+            if a > start + slack:
+                return False
+            start = max(start, b)
+            if end <= start + slack:
+                return True
+        return False
 
 
 def idle_sensor(states: int) -> Sensor:
@@ -105,7 +134,9 @@ class SensorSuite(Sequence):
         seen: dict[str, int] = {}
         for j, sensor in enumerate(self.sensors):
             if sensor.name in seen:
-                mistakes.append(Mistake((j, "name"), f"the name '{sensor.name}' is used twice", "sensor names must differ"))
+                mistakes.append(
+                    Mistake((j, "name"), f"the name '{sensor.name}' is used twice", "sensor names must differ")
+                )
             seen[sensor.name] = j
         if mistakes:
             raise ProblemError(mistakes)

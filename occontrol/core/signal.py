@@ -14,6 +14,7 @@ import numpy as np
 
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.expression import parse_expression
+from occontrol.core.poles import find_pole
 
 
 class Signal:
@@ -90,7 +91,9 @@ class ExpressionSignal(Signal):
 
         symbol = casadi.SX.sym(self.variable)
         flat = [
-            parse_expression(e, (self.variable,)).casadi({self.variable: symbol}) if isinstance(e, str) else casadi.SX(e)
+            parse_expression(e, (self.variable,)).casadi({self.variable: symbol})
+            if isinstance(e, str)
+            else casadi.SX(e)
             for row in self.entries
             for e in row
         ]
@@ -100,6 +103,16 @@ class ExpressionSignal(Signal):
         times = np.asarray(times, dtype=float)
         values = np.array(self._function(times.reshape(1, -1)))
         return np.ascontiguousarray(values.T).reshape(len(times), *self.shape)
+
+    def pole(self, times: np.ndarray) -> tuple[float, int, int] | None:
+        """(time, row, column) of the first entry that is infinite between `times`, where all entries are finite."""
+        found = []
+        for i, row in enumerate(self.entries):
+            for j, entry in enumerate(row):
+                if isinstance(entry, str):
+                    time = find_pole(parse_expression(entry, (self.variable,)), self.variable, times)
+                    found += [] if time is None else [(time, i, j)]
+        return min(found, default=None)
 
     def __getstate__(self) -> dict:
         return {"entries": self.entries, "variable": self.variable}
@@ -130,9 +143,13 @@ class TableSignal(Signal):
             raise ProblemError(Mistake((), "the table holds a value that is not finite"))
         if np.any(np.diff(times) <= 0):
             bad = int(np.argmax(np.diff(times) <= 0)) + 1
-            raise ProblemError(Mistake(("times",), f"times must increase: entry {bad} is {times[bad]:g} after {times[bad - 1]:g}"))
+            raise ProblemError(
+                Mistake(("times",), f"times must increase: entry {bad} is {times[bad]:g} after {times[bad - 1]:g}")
+            )
         if self.interpolation not in ("linear", "previous"):
-            raise ProblemError(Mistake(("interpolation",), f"unknown interpolation '{self.interpolation}'", "linear or previous"))
+            raise ProblemError(
+                Mistake(("interpolation",), f"unknown interpolation '{self.interpolation}'", "linear or previous")
+            )
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "_flat", values.reshape(len(values), -1))
@@ -150,7 +167,9 @@ class TableSignal(Signal):
     def covers(self, start: float, end: float) -> bool:
         """Whether [start, end] lies inside the table ("previous" may be held beyond its last time)."""
         slack = 1e-9 * max(1.0, abs(start), abs(end))
-        return bool(self.times[0] <= start + slack and (self.interpolation == "previous" or self.times[-1] >= end - slack))
+        return bool(
+            self.times[0] <= start + slack and (self.interpolation == "previous" or self.times[-1] >= end - slack)
+        )
 
     def sample(self, times: np.ndarray) -> np.ndarray:
         t = np.asarray(times, dtype=float)
@@ -174,28 +193,32 @@ def as_signal(value: Any, variable: str = "t") -> Signal:
     """
     if isinstance(value, Signal):
         return value
-    if isinstance(value, int | float | str) and not isinstance(value, bool):
+    if isinstance(value, int | float | str | np.number):
         value = [[value]]
     if isinstance(value, np.ndarray):
-        rows: Any = np.asarray(value, dtype=float)
-        if rows.ndim == 0:
-            rows = rows.reshape(1, 1)
+        rows: Any = value.reshape(1, 1) if value.ndim == 0 else value
+        if rows.dtype.kind not in "fiu":
+            raise ProblemError(Mistake((), "the array does not hold real numbers"))
     else:
+        if not isinstance(value, list | tuple):
+            raise ProblemError(Mistake((), "expected a matrix: a list of rows", "write [[1, 0], [0, 1]]"))
         rows = [list(row) if isinstance(row, list | tuple | np.ndarray) else row for row in value]
         if any(not isinstance(row, list) for row in rows):
             raise ProblemError(Mistake((), "expected a list of rows", "write [[1, 0], [0, 1]]; one row is [[1, 0]]"))
-        widths = {len(row) for row in rows}
-        if len(widths) > 1:
+        if len({len(row) for row in rows}) > 1:
             raise ProblemError(Mistake((), f"rows have different lengths: {[len(r) for r in rows]}"))
+        for i, row in enumerate(rows):
+            for j, entry in enumerate(row):
+                if isinstance(entry, bool) or not isinstance(entry, int | float | str | np.number):
+                    raise ProblemError(Mistake((i, j), f"entry [{i + 1},{j + 1}] is not a number or a formula"))
         if any(isinstance(entry, str) for row in rows for entry in row):
             return ExpressionSignal(
                 tuple(tuple(e if isinstance(e, str) else float(e) for e in row) for row in rows), variable
             )
-        rows = np.array(rows, dtype=float)
+    rows = np.array(rows, dtype=float)
     if rows.ndim != 2:
         raise ProblemError(Mistake((), "expected a matrix: a list of rows", "write [[1, 0], [0, 1]]"))
     if not np.all(np.isfinite(rows)):
         raise ProblemError(Mistake((), "the matrix holds a value that is not finite"))
-    rows = rows.copy()
     rows.setflags(write=False)
     return ConstantSignal(rows)
