@@ -40,6 +40,7 @@ class Estimate:
     dimension : (K,) number of values behind each nis
     covariance : (K, n, n)
     notes : announcements, e.g. that missing samples made the precomputed covariance invalid
+    output, output_deviation : (K, p) w(t) = D(t) x(t) at the time of the row itself, where the family has it
     """
 
     times: np.ndarray
@@ -51,3 +52,5 @@ class Estimate:
     dimension: np.ndarray
     covariance: np.ndarray
     notes: tuple[str, ...] = ()
+    output: np.ndarray | None = None
+    output_deviation: np.ndarray | None = None

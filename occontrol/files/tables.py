@@ -68,7 +68,7 @@ def write_truth(path: str | Path, truth: Trajectory) -> Path:
 
 
 def write_estimate(path: str | Path, estimate: Estimate) -> Path:
-    """Write what a filter found: t, x1.., sd_x1.., w1.., sd_w1.., nis.
+    """Write what a filter found: t, x1.., sd_x1.., w1.., sd_w1.., nis, and where known w1_now.., sd_w1_now...
 
     Parameters
     ----------
@@ -80,4 +80,7 @@ def write_estimate(path: str | Path, estimate: Estimate) -> Path:
     header += [*(f"w{i + 1}" for i in range(p)), *(f"sd_w{i + 1}" for i in range(p)), "nis"]
     parts = [estimate.times[:, None], estimate.mean, estimate.standard_deviation]
     parts += [estimate.predicted, estimate.predicted_deviation, estimate.nis[:, None]]
+    if estimate.output is not None and estimate.output_deviation is not None:
+        header += [*(f"w{i + 1}_now" for i in range(p)), *(f"sd_w{i + 1}_now" for i in range(p))]
+        parts += [estimate.output, estimate.output_deviation]
     return write_table(path, header, np.hstack(parts))
