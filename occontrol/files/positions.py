@@ -10,6 +10,7 @@ from typing import Any
 from occontrol.core.errors import Mistake, Path, ProblemError
 
 MAX_DEPTH = 40
+MOST = 50  # mistakes reported at once
 
 
 @dataclass(slots=True)
@@ -55,12 +56,25 @@ class Text:
 
     def placed(self, mistakes: list[Mistake]) -> ProblemError:
         """The mistakes with file:line:column, in the order of the file, each once."""
-        found = {}
+        placed = []
         for m in mistakes:
             line, column = map(int, m.place.rsplit(":", 2)[1:]) if m.place else self.locate(m.path, m.key)
-            placed = replace(m, place=f"{self.file}:{line}:{column}")
-            found.setdefault((line, column, m.what), placed)
-        return ProblemError([found[k] for k in sorted(found)])
+            placed.append(replace(m, place=f"{self.file}:{line}:{column}"))
+        return in_order(placed)
+
+
+def in_order(mistakes: list[Mistake]) -> ProblemError:
+    """Placed mistakes in the order of the file, each once, the first `MOST` of them."""
+
+    def position(m: Mistake) -> list[int]:
+        return [int(part) for part in m.place.split(":")[-2:] if part.isdigit()]
+
+    single = list({(m.place, m.what): m for m in mistakes}.values())
+    single.sort(key=position)
+    if len(single) > MOST:
+        rest = len(single) - MOST
+        single = [*single[:MOST], Mistake((), f"and {rest} more mistake{'s' * (rest > 1)}", place=single[MOST].place)]
+    return ProblemError(single)
 
 
 def at(file: str, line: int, column: int, what: str, hint: str = "") -> ProblemError:

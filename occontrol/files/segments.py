@@ -1,0 +1,130 @@
+"""Segments of a schedule that anyone wrote -> a Schedule on the grid of a problem, refined where it switches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.schedule import Schedule
+from occontrol.core.sensor import IDLE
+from occontrol.files.positions import in_order
+
+JOIN = 1e-6  # of the horizon: what rounding on paper may leave between two segments, and at the ends
+SNAP = 1e-9  # of the largest time: a switch that close to an edge of the grid is at that edge
+TOTAL = 1e-6
+
+
+@dataclass(frozen=True)
+class Segment:
+    """From `start` to `end` these sensors are used, with these weights (None: each fully); `place` gives file:line."""
+
+    start: float
+    end: float
+    sensors: tuple[str, ...]
+    weights: tuple[float, ...] | None
+    place: Callable[[], str]
+
+
+def schedule_of(segments: Sequence[Segment], problem: Any, file: str) -> Schedule:
+    """The schedule on the union of the problem's edges and the times at which it switches.
+
+    Parameters
+    ----------
+    segments : in any order, covering the horizon without hole or overlap
+    problem : has `edges`, `sensors` (a SensorSuite) and, where more than one is used at a time, `select`
+    file : what to call the source in a message
+
+    Raises ProblemError: holes, overlaps, unknown names, wrong numbers of sensors, use outside a window.
+    """
+    found = Collector()
+    segments = sorted(segments, key=lambda s: s.start)
+    if not segments:
+        raise ProblemError(Mistake((), "the schedule has no segment", place=file))
+    switches = _switches(segments, np.asarray(problem.edges, dtype=float), found, file)
+    weights = [_weights(segment, problem, found) for segment in segments]
+    if found.mistakes:
+        raise in_order(found.mistakes)
+    edges = np.union1d(problem.edges, switches)
+    owner = np.searchsorted(switches, (edges[1:] + edges[:-1]) / 2) - 1
+    return Schedule(edges, np.array(weights)[owner], tuple(problem.sensors.names))
+
+
+def _switches(segments: Sequence[Segment], edges: np.ndarray, found: Collector, file: str) -> np.ndarray:
+    """The K+1 times between the K segments, moved onto edges of the grid that they nearly meet."""
+    slack = JOIN * (edges[-1] - edges[0])
+    times = [float(edges[0])]
+    for before, segment in zip((None, *segments), segments, strict=False):
+        start = times[0] if before is None else before.end
+        if segment.end <= segment.start:
+            _add(found, segment, f"the segment ends at {segment.end:g}, which is not after its start {segment.start:g}")
+        elif segment.start > start + slack:
+            _add(found, segment, f"nothing is scheduled between t = {start:g} and {segment.start:g}", _cover(edges))
+        elif before is None and segment.start < start - slack:
+            _add(found, segment, f"the segment starts at {segment.start:g}, the horizon at {start:g}", _cover(edges))
+        elif before is not None and segment.start < start - slack:
+            what = f"the segment starts at {segment.start:g}, but the one before it ends at {start:g}"
+            _add(found, segment, what, "segments must not overlap")
+        times.append(segment.end)
+    last = segments[-1]
+    if last.end < edges[-1] - slack:
+        _add(found, last, f"nothing is scheduled between t = {last.end:g} and {edges[-1]:g}", _cover(edges))
+    elif last.end > edges[-1] + slack:
+        _add(found, last, f"the segment ends at {last.end:g}, the horizon at {edges[-1]:g}", _cover(edges))
+    times[-1] = float(edges[-1])
+    switches = np.array(times)
+    right = np.clip(np.searchsorted(edges, switches), 1, len(edges) - 1)
+    nearest = np.where(switches - edges[right - 1] < edges[right] - switches, edges[right - 1], edges[right])
+    scale = max(1.0, float(np.max(np.abs(edges))))
+    switches = np.where(np.abs(switches - nearest) <= SNAP * scale, nearest, switches)
+    if not found.mistakes and np.any(np.diff(switches) <= 0):
+        k = int(np.argmax(np.diff(switches) <= 0))
+        _add(found, segments[k], f"the segment from {segments[k].start:.12g} is too short to be told from nothing")
+    return switches
+
+
+def _weights(segment: Segment, problem: Any, found: Collector) -> np.ndarray:
+    """(M,) weights of one segment; idle fills what is left."""
+    names, select = list(problem.sensors.names), int(getattr(problem, "select", 1))
+    weights, before = np.zeros(len(names)), len(found.mistakes)
+    shares = segment.weights or (1.0,) * len(segment.sensors)
+    for name, share in zip(segment.sensors, shares, strict=True):
+        if name not in names:
+            from occontrol.files.schema.words import suggest
+
+            _add(found, segment, f"there is no sensor '{name}'", suggest(name, names))
+            continue
+        j = names.index(name)
+        if weights[j] > 0 and name != IDLE:
+            _add(found, segment, f"sensor '{name}' is named twice")
+        if not 0 <= share <= (select if name == IDLE else 1) + TOTAL:
+            _add(found, segment, f"the weight of sensor '{name}' is {share:g}, it must lie between 0 and 1")
+        weights[j] += share
+        available = getattr(problem.sensors[j], "available", None)
+        if share > 0 and available is not None and not available(segment.start, segment.end):
+            windows = ", ".join(f"[{a:g}, {b:g}]" for a, b in problem.sensors[j].windows)
+            what = f"sensor '{name}' is used from {segment.start:g} to {segment.end:g}, outside its windows"
+            _add(found, segment, what, f"its windows: {windows}")
+    if len(found.mistakes) > before:
+        return weights
+    lacking = select - float(np.sum(weights))
+    idle = names.index(IDLE) if IDLE in names else None
+    if idle is not None and lacking > 0:
+        weights[idle] += lacking
+    elif abs(lacking) > TOTAL:
+        whole = segment.weights is None
+        what = f"{len(segment.sensors)} sensors are named" if whole else f"the weights add up to {np.sum(weights):g}"
+        hint = "fractions of a relaxed schedule come from a run folder or result.json" if whole and lacking < 0 else ""
+        _add(found, segment, f"{what}, but select is {select}", hint)
+    return weights
+
+
+def _add(found: Collector, segment: Segment, what: str, hint: str = "") -> None:
+    found.mistakes.append(Mistake((), what, hint, place=segment.place()))
+
+
+def _cover(edges: np.ndarray) -> str:
+    return f"the segments must cover the horizon [{edges[0]:g}, {edges[-1]:g}]"
