@@ -9,7 +9,9 @@ accuracy of small singular values; the ordinary SVD keeps only the absolute one.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import lapack
@@ -99,6 +101,12 @@ def whiten(noise: np.ndarray, *arrays: np.ndarray) -> list[np.ndarray]:
     return [np.linalg.solve(factor, a) for a in arrays]
 
 
+@lru_cache(maxsize=16)
+def _upper(n: int) -> np.ndarray:
+    """(n, n) ones on and above the diagonal: faster than numpy.triu for small n."""
+    return np.triu(np.ones((n, n)))
+
+
 def measurement_update(
     factors: Eigenfactors, mean: np.ndarray, rows: np.ndarray, values: np.ndarray | None = None
 ) -> tuple[Eigenfactors, np.ndarray, float]:
@@ -163,21 +171,21 @@ def time_update(factors: Eigenfactors, transition: np.ndarray, noise_root: np.nd
     lu, pivots, solved, info = lapack.dgesv(transition.T, factors.vectors)
     if info:
         return Propagation(None, 1.0)
-    reciprocal, _ = lapack.dgecon(lu, np.abs(transition.T).sum(axis=0).max())
+    reciprocal, _ = lapack.dgecon(lu, lapack.dlange("1", transition.T))
     if reciprocal <= EPS:
         return Propagation(None, 1.0)
     carried = (solved / factors.deviations).T
     array = np.zeros((n + p, n + p), order="F")
-    array[:p, :p] = np.eye(p)
+    array.T.flat[: p * (n + p) : n + p + 1] = 1.0  # the first p diagonal entries
     array[p:, :p] = -(carried @ noise_root)
     array[p:, p:] = carried
     if factors.deviations[0] > GRADED * factors.deviations[-1]:
         # large rows first: Householder QR then keeps the small rows' relative accuracy
         array = np.asfortranarray(array[np.argsort(-np.abs(array).max(axis=1), kind="stable")])
-    size = float(np.sqrt(np.einsum("ij,ij->", carried, carried)))
-    triangle = np.triu(lapack.dgeqrf(array, overwrite_a=1)[0][p:, p:])
+    size = lapack.dlange("F", carried)
+    triangle = lapack.dgeqrf(array, overwrite_a=1)[0][p:, p:] * _upper(n)
     _, information, right = thin_svd(triangle)
-    growth = size / float(np.sqrt(np.sum(information**2)))
+    growth = size / math.sqrt(information @ information)
     loss = EPS * max(growth, 1.0 / reciprocal)
     if not information[-1] > 0.0:
         return Propagation(None, 1.0)

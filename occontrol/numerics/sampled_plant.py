@@ -20,6 +20,13 @@ def whitened(noise: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return np.linalg.solve(np.linalg.cholesky(noise), rows)
 
 
+def _whitened_or_nan(noise: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    try:
+        return whitened(noise[None], rows[None])[0]
+    except np.linalg.LinAlgError:
+        return np.full(rows.shape, np.nan)
+
+
 def semidefinite_root(matrices: np.ndarray) -> np.ndarray:
     """S with S S' = Q for a stack (N, p, p) of symmetric positive semidefinite matrices."""
     values, vectors = np.linalg.eigh((matrices + matrices.swapaxes(1, 2)) / 2)
@@ -59,10 +66,13 @@ class SampledSensor:
         return whitened(noise, rows)
 
     def whitened_at(self, step: int, locations: np.ndarray) -> np.ndarray:
-        """C (N, m, n) at one step and N locations (N, d)."""
+        """C (N, m, n) at one step and N locations (N, d); NaN where R is not positive definite."""
         steps = np.full(len(locations), float(step))
-        rows = self.sensor.H.sample(steps, locations) * self.scales
-        return whitened(self.sensor.R.sample(steps, locations), rows)
+        rows, noise = self.sensor.H.sample(steps, locations) * self.scales, self.sensor.R.sample(steps, locations)
+        try:
+            return whitened(noise, rows)
+        except np.linalg.LinAlgError:
+            return np.array([_whitened_or_nan(R, H) for R, H in zip(noise, rows, strict=True)])
 
 
 @dataclass(frozen=True, eq=False)

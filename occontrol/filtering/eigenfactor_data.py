@@ -1,0 +1,121 @@
+"""The V-Lambda filter over data: a seeded truth with its measurements, and the estimate from a measurement file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from occontrol.core.errors import Mistake, ProblemError, UsageError
+from occontrol.core.measurement import Estimate, Measurement
+from occontrol.core.trajectory import Trajectory
+from occontrol.filtering.eigenfactor_online import OnlineSelector
+from occontrol.numerics.sampled_plant import SampledPlant, semidefinite_root
+from occontrol.solvers.sensor_choice import Chooser
+
+
+def simulate_selection(
+    plant: SampledPlant, starts: np.ndarray, select: int, chooser: Chooser, seed: int
+) -> tuple[list[Measurement], Trajectory]:
+    """Draw x(0), the plant noise and the noise of the selected sensors.
+
+    Parameters
+    ----------
+    plant, starts, select, chooser : as in OnlineSelector
+    seed : of the generator; the same seed gives the same data
+
+    Returns
+    -------
+    Measurements, t = k, in the order of k, and the truth x(0) .. x(K-1) (K, n) in the user's units.
+    """
+    generator = np.random.default_rng(seed)
+    loop = OnlineSelector(plant, starts, select, chooser)
+    state = plant.mean + semidefinite_root(plant.covariance[None])[0] @ generator.standard_normal(plant.states)
+    truth, found = [], []
+    for k in range(plant.steps):
+        truth.append(state * plant.scales)
+        for j in loop.choice.sensors:
+            H, R = loop.matrices(j)
+            noise = np.linalg.cholesky(R) @ generator.standard_normal(len(H))
+            found.append(Measurement(float(k), plant.names[j], H @ state + noise))
+        state = plant.transition[k] @ state + plant.noise_root[k] @ generator.standard_normal(plant.noise_root.shape[2])
+        loop.step()
+    return found, Trajectory(np.arange(plant.steps, dtype=float), np.array(truth))
+
+
+def filter_measurements(
+    plant: SampledPlant, starts: np.ndarray, select: int, chooser: Chooser, measurements: Sequence[Measurement]
+) -> Estimate:
+    """Run the filter over every step of the horizon, whatever was measured.
+
+    Parameters
+    ----------
+    plant, starts, select, chooser : as in OnlineSelector
+    measurements : t must be a step k; at most one per sensor and step
+
+    Returns
+    -------
+    Estimate with one row per k = 0 .. K-1. Missing samples mean no update, and `notes` says how many there were.
+
+    Raises ProblemError naming line and mistake.
+    """
+    by_step = _by_step(plant, measurements)
+    loop = OnlineSelector(plant, starts, select, chooser)
+    steps, covariances, missing, extra = [], [], 0, 0
+    while not loop.finished:
+        k = loop.step_number
+        given = by_step.get(k, {})
+        planned = set(loop.sensors)
+        try:
+            steps.append(loop.step({name: m.values for name, m in given.items()}))
+        except UsageError as error:
+            raise ProblemError(Mistake((), str(error), place=_place(next(iter(given.values()))))) from None
+        covariances.append(loop.posterior.covariance * np.outer(plant.scales, plant.scales))
+        missing += len(steps[-1].missing)
+        extra += len(set(given) - planned)
+    notes = list(loop.filter.notes)
+    if missing:
+        s = "s" * (missing != 1)
+        notes.append(f"{missing} planned sample{s} missing: no update there, and the covariance is no longer the run's")
+    if extra:
+        notes.append(f"{extra} sample{'s' * (extra != 1)} of sensors that were not selected at that step: used all the same")
+    count = len(steps)
+    return Estimate(
+        np.array([float(s.step) for s in steps]),
+        np.array([s.mean for s in steps]),
+        np.array([s.standard_deviations for s in steps]),
+        np.empty((count, 0)),
+        np.empty((count, 0)),
+        np.array([s.innovation for s in steps]),
+        np.array([s.dimension for s in steps]),
+        np.array(covariances),
+        tuple(notes),
+    )
+
+
+def _place(measurement: Measurement) -> str:
+    return f"line {measurement.line}" if measurement.line else f"t = {measurement.time:g}"
+
+
+def _by_step(plant: SampledPlant, measurements: Sequence[Measurement]) -> dict[int, dict[str, Measurement]]:
+    """Measurements by step and sensor; several mistakes are reported together."""
+    rows = {s.sensor.name: s.sensor.rows for s in plant.sensors}
+    found: dict[int, dict[str, Measurement]] = {}
+    mistakes = []
+    for m in measurements:
+        k, where = round(float(m.time)), _place(m)
+        if m.sensor not in rows:
+            mistakes.append(Mistake((), f"there is no sensor '{m.sensor}'", "there are: " + ", ".join(rows), place=where))
+        elif abs(m.time - k) > 1e-9 or not 0 <= k < plant.steps:
+            what = f"t = {m.time:g} is not a step of the horizon"
+            mistakes.append(Mistake((), what, f"t is k = 0 .. {plant.steps - 1}", place=where))
+        elif len(m.values) != rows[m.sensor] or not np.all(np.isfinite(m.values)):
+            what = f"sensor '{m.sensor}' has {rows[m.sensor]} values, {len(m.values)} came"
+            mistakes.append(Mistake((), what, place=where))
+        elif m.sensor in found.setdefault(k, {}):
+            mistakes.append(Mistake((), f"sensor '{m.sensor}' is there twice at k = {k}", place=where))
+        else:
+            found[k][m.sensor] = m
+    if mistakes:
+        raise ProblemError(mistakes)
+    return found

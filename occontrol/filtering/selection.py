@@ -1,0 +1,69 @@
+"""A chooser walked over the whole horizon without data: the covariances that it would bring about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from occontrol.core.monitor import Monitor
+from occontrol.filtering.eigenfactor_online import OnlineSelector
+from occontrol.numerics.sampled_plant import SampledPlant
+from occontrol.solvers.sensor_choice import Choice, Chooser
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Choices and covariances of one run, scaled states; index k = 0 .. K-1.
+
+    Parameters
+    ----------
+    choices : one Choice per epoch
+    eigenvalues : (K, n) of P(k|k), descending
+    eigenvectors : (K, n, n) of P(k|k), columns, the largest entry of each positive
+    covariance : (K, n, n) P(k|k)
+    predicted_eigenvalues : (K, n) of P(k|k-1), descending
+    notes : announcements of the filter
+    """
+
+    choices: tuple[Choice, ...]
+    eigenvalues: np.ndarray
+    eigenvectors: np.ndarray
+    covariance: np.ndarray
+    predicted_eigenvalues: np.ndarray
+    notes: tuple[str, ...]
+
+    @property
+    def traces(self) -> np.ndarray:
+        """(K,) traces of P(k|k)."""
+        return self.eigenvalues.sum(axis=1)
+
+
+def run_selection(
+    plant: SampledPlant, starts: np.ndarray, select: int, chooser: Chooser, monitor: Monitor | None = None
+) -> Selection | None:
+    """Walk the horizon with `chooser`; the covariance does not depend on measured values.
+
+    Parameters
+    ----------
+    plant, starts, select, chooser : as in OnlineSelector
+    monitor : asked once an epoch whether to stop; then None is returned
+    """
+    loop = OnlineSelector(plant, starts, select, chooser)
+    posterior, predicted = [], []
+    while not loop.finished:
+        predicted.append(loop.filter.factors.eigenvalues)
+        loop.step()
+        posterior.append(loop.posterior)
+        if monitor is not None and monitor.stop:
+            return None
+    vectors = np.array([f.vectors for f in posterior])
+    largest = np.take_along_axis(vectors, np.argmax(np.abs(vectors), axis=1)[:, None, :], axis=1)
+    return Selection(
+        tuple(loop.choices),
+        np.array([f.eigenvalues for f in posterior]),
+        vectors * np.sign(largest),
+        np.array([f.covariance for f in posterior]),
+        np.array(predicted),
+        loop.filter.notes,
+    )

@@ -1,0 +1,143 @@
+"""Where to put a movable sensor: the location that maximises a function of its information matrix, in a box.
+
+Unknown: the location p (d,). A grid of the box (with its corners) gives starts, the best few are refined by a bounded
+quasi-Newton method (SLSQP with constraints), and the result is checked: inside the box, allowed, and at least as good
+as every point that was looked at. Oshman (1994), remark 5.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+
+from occontrol.core.discrete_sensor import Region
+from occontrol.core.errors import InfeasibleError
+
+STARTS = 6  # points that are refined
+MOST_POINTS = 4096
+
+
+def grid_of(region: Region, per_coordinate: int) -> np.ndarray:
+    """Points (N, d) of an even grid of the box, corners included, in lexicographic order; at most MOST_POINTS.
+
+    Parameters
+    ----------
+    region : Region
+    per_coordinate : points along each coordinate, fewer where there are many coordinates
+    """
+    count = max(2, min(per_coordinate, int(MOST_POINTS ** (1 / region.coordinates))))
+    axes = [np.array([low]) if low == high else np.linspace(low, high, count) for low, high in region.bounds]
+    return np.array(list(itertools.product(*axes)), dtype=float)
+
+
+def _project(points: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    return np.clip(points, bounds[:, 0], bounds[:, 1])
+
+
+def place(region: Region, step: int, merit: Callable[[np.ndarray], np.ndarray], name: str = "") -> tuple[np.ndarray, float]:
+    """The best location of one sensor at one step.
+
+    Parameters
+    ----------
+    region : Region with bounds (d, 2) and constraints
+    step : k, for constraints that depend on it
+    merit : (N, d) -> (N,), to be maximised; not finite where the location is useless
+    name : of the sensor, for the message
+
+    Returns
+    -------
+    Location (d,) and its merit. Of equally good ones (1e-9 relative) the lexicographically first start wins.
+    Raises InfeasibleError when no location satisfies the constraints.
+    """
+    bounds = region.bounds
+    points = grid_of(region, 65 if region.coordinates == 1 else 17)
+    allowed = points[region.allowed(step, points)]
+    if not len(allowed):
+        allowed = _find_allowed(region, step, points, name)
+    values = _finite(merit(allowed))
+    refined, heights = [allowed], [values]
+    for start in _peaks(allowed, values):
+        better = _refine(region, step, merit, start)
+        if better is not None:
+            refined.append(better[None])
+            heights.append(_finite(merit(better[None])))
+    candidates, merits = np.concatenate(refined), np.concatenate(heights)
+    if not np.isfinite(np.max(merits)):
+        raise InfeasibleError(
+            f"at k = {step} sensor '{name}' measures nothing finite anywhere in its box\n"
+            "  hint: H must be finite and R positive definite inside the bounds"
+        )
+    good = np.flatnonzero(merits >= np.max(merits) - 1e-9 * abs(np.max(merits)))
+    refined_first = good[good >= len(allowed)] if np.any(good >= len(allowed)) else good
+    order = np.lexsort(np.round(candidates[refined_first], 9).T[::-1])
+    chosen = refined_first[order[0]]
+    return candidates[chosen], float(merits[chosen])
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(values), values, -np.inf)
+
+
+def _peaks(points: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The best points that are apart from each other by more than a few percent of the box."""
+    order = np.argsort(-values, kind="stable")
+    span = np.maximum(np.ptp(points, axis=0), 1e-300)
+    chosen: list[np.ndarray] = []
+    for i in order[:400]:
+        if all(np.max(np.abs(points[i] - c) / span) > 0.05 for c in chosen):
+            chosen.append(points[i])
+        if len(chosen) == STARTS:
+            break
+    return np.array(chosen)
+
+
+def _refine(region: Region, step: int, merit: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray | None:
+    from scipy.optimize import minimize
+
+    bounds = region.bounds
+    span = bounds[:, 1] - bounds[:, 0]
+    free = span > 0
+    scale = abs(float(merit(start[None])[0])) or 1.0
+
+    def at(q: np.ndarray) -> np.ndarray:
+        p = bounds[:, 0].copy()
+        p[free] = bounds[free, 0] + q * span[free]
+        return p
+
+    def objective(q: np.ndarray) -> float:
+        value = float(merit(at(q)[None])[0])
+        return -value / scale if np.isfinite(value) else 1e10
+
+    q0 = ((start - bounds[:, 0])[free]) / span[free]
+    if not len(q0):
+        return None
+    box = [(0.0, 1.0)] * len(q0)
+    if region.constraints:
+        limits = {"type": "ineq", "fun": lambda q: -region.limits.sample(np.array([step]), at(q)[None])[0, :, 0]}
+        found = minimize(objective, q0, bounds=box, constraints=[limits], method="SLSQP", options={"ftol": 1e-14})
+    else:
+        found = minimize(objective, q0, bounds=box, method="L-BFGS-B", jac="3-point", options={"ftol": 1e-15, "gtol": 1e-9})
+    place_found = _project(at(np.asarray(found.x)), bounds)
+    # the solver may end a hair outside of a curved constraint
+    return place_found if region.allowed(step, place_found[None], 1e-9)[0] else None
+
+
+def _find_allowed(region: Region, step: int, points: np.ndarray, name: str) -> np.ndarray:
+    """One allowed location by minimising the violation, when the grid meets none."""
+    from scipy.optimize import minimize
+
+    def violation(p: np.ndarray) -> float:
+        values = region.limits.sample(np.array([step]), p[None])[0, :, 0]
+        return float(np.sum(np.maximum(values, 0.0) ** 2)) if np.all(np.isfinite(values)) else 1e10
+
+    starts = sorted(points, key=violation)[:STARTS]
+    for start in starts:
+        found = minimize(violation, start, bounds=[tuple(b) for b in region.bounds], method="L-BFGS-B")
+        p = _project(np.asarray(found.x), region.bounds)
+        if region.allowed(step, p[None], 1e-6)[0]:
+            return p[None]
+    raise InfeasibleError(
+        f"at k = {step} no location of sensor '{name}' satisfies its constraints\n  hint: widen the bounds or a constraint"
+    )
