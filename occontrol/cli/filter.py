@@ -23,7 +23,7 @@ def filter_measurements(
     from occontrol.library import run_filter
 
     problem, solution = read_run(run)
-    estimate = run_filter(problem, solution, read_measurements(measurements))
+    estimate = run_filter(problem, solution, read_measurements(measurements, problem))
     write_estimate(out, estimate)
     for remark in estimate.notes:
         note(remark)
