@@ -76,7 +76,9 @@ class NonlinearPlant(Compiled):
             found.add(("mean",), "mean is not finite")
         noise = np.zeros((n, n)) if self.noise is None else np.atleast_2d(np.asarray(self.noise, dtype=float))
         object.__setattr__(self, "noise", noise)
-        found.mistakes += check_shape("noise", noise.shape, n, n, ("noise",), hint) or check_covariance("noise", noise, ("noise",))
+        found.mistakes += check_shape("noise", noise.shape, n, n, ("noise",), hint) or check_covariance(
+            "noise", noise, ("noise",)
+        )
         if (self.f is None) == (self.model is None):
             found.add((), "the plant needs either f or model", "f: [formulas of x1 .. xn, t], or model: lorenz96")
         elif self.f is not None:
@@ -93,7 +95,9 @@ class NonlinearPlant(Compiled):
             if self.step is None:
                 found.add(("step",), f"{self.model} needs a step", "the length of one Runge-Kutta step, e.g. 0.05")
             for key in set(self.parameters) - set(defaults):
-                found.add((key,), f"{self.model} has no parameter '{key}'", "parameters: " + ", ".join(defaults), key=True)
+                found.add(
+                    (key,), f"{self.model} has no parameter '{key}'", "parameters: " + ", ".join(defaults), key=True
+                )
         if self.step is not None and not (np.isfinite(self.step) and self.step > 0):
             found.add(("step",), f"step is {self.step:g}", "step > 0")
         if isinstance(self.substeps, bool) or int(self.substeps) != self.substeps or not 1 <= self.substeps <= 100_000:

@@ -72,106 +72,140 @@ def _ratio(value: np.ndarray, direction: np.ndarray) -> float:
     return float(np.min(-value[falling] / direction[falling], initial=np.inf))
 
 
-def barrier(form: NormalForm, tolerance: float = 1e-12, max_iterations: int = 100, monitor: Monitor | None = None) -> Iterate:
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A strictly feasible primal-dual point; room = upper - values, infinite where there is no cap."""
+
+    values: np.ndarray
+    X: np.ndarray
+    z: np.ndarray
+    w: np.ndarray
+    room: np.ndarray
+    matrix: np.ndarray
+
+    @property
+    def complementarity(self) -> float:
+        """tr(XZ) + z'values + w'room, the duality gap of a dual feasible point."""
+        capped = np.isfinite(self.room)
+        return float(np.sum(self.X * self.matrix) + self.z @ self.values + self.w[capped] @ self.room[capped])
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A Newton direction; `matrix` and `X` are those of Z and X."""
+
+    values: np.ndarray
+    matrix: np.ndarray
+    X: np.ndarray
+    z: np.ndarray
+    w: np.ndarray
+    primal: float
+    dual: float
+
+    def applied(self, form: NormalForm, point: _Point, primal: float, dual: float, exact: bool = True) -> _Point:
+        """The point after steps of these lengths; Z is formed anew when `exact`."""
+        values = point.values + primal * self.values
+        matrix = form.matrix(values) if exact else point.matrix + primal * self.matrix
+        room = point.room - primal * self.values
+        return _Point(values, point.X + dual * self.X, point.z + dual * self.z, point.w + dual * self.w, room, matrix)
+
+
+class _Newton:
+    """Newton's equations at one point, factored once for predictor and corrector; LinAlgError on loss of definiteness."""
+
+    def __init__(self, form: NormalForm, point: _Point):
+        self.form, self.point = form, point
+        F, v, room = form.factors, point.values, point.room
+        self.lower = np.linalg.cholesky(point.matrix)
+        self.lower_dual = np.linalg.cholesky(point.X)
+        half = solve_triangular(self.lower, np.eye(form.rows), lower=True, check_finite=False)
+        self.inverse = half.T @ half
+        FZ = F @ self.inverse
+        hessian = ((F @ point.X) @ F.T) * (FZ @ F.T)
+        hessian[np.diag_indices_from(hessian)] += point.z / v + point.w / room
+        self.scale = 1.0 / np.sqrt(np.diag(hessian))
+        hessian = (hessian + hessian.T) / 2 * self.scale * self.scale[:, None]
+        self.factor = np.linalg.cholesky(hessian + 1e-15 * np.eye(len(v)))
+        self.pull = np.sum(FZ * F, axis=1) + 1 / v - 1 / room
+
+    def direction(self, target: float, before: _Step | None = None) -> _Step:
+        """Towards complementarity `target`, with the second-order terms of a step `before` (Mehrotra's corrector)."""
+        form, p, F = self.form, self.point, self.form.factors
+        bent, bend_z, bend_w = np.zeros_like(p.X), 0.0 * p.z, 0.0 * p.w
+        if before is not None:
+            bent = before.X @ before.matrix @ self.inverse
+            bent = (bent + bent.T) / 2
+            bend_z, bend_w = before.values * before.z, before.values * before.w
+        bend = np.sum((F @ bent) * F, axis=1) + bend_z / p.values + bend_w / p.room
+        right = self.scale * (target * self.pull - form.costs - bend)
+        half = solve_triangular(self.factor, right, lower=True, check_finite=False)
+        step = self.scale * solve_triangular(self.factor, half, lower=True, trans=1, check_finite=False)
+        dZ = F.T @ (step[:, None] * F)
+        mixed = p.X @ dZ @ self.inverse
+        dX = target * self.inverse - p.X - (mixed + mixed.T) / 2 - bent
+        dz = (target - p.z * step - bend_z) / p.values - p.z
+        dw = (target + p.w * step + bend_w) / p.room - p.w
+        primal = min(_to_boundary(self.lower, dZ), _ratio(p.values, step), _ratio(p.room, -step))
+        dual = min(_to_boundary(self.lower_dual, dX), _ratio(p.z, dz), _ratio(p.w, dw))
+        return _Step(step, dZ, (dX + dX.T) / 2, dz, dw, primal, dual)
+
+
+def barrier(
+    form: NormalForm, tolerance: float = 1e-12, max_iterations: int = 100, monitor: Monitor | None = None
+) -> Iterate:
     """Minimise costs' values over the normal form to a relative gap of `tolerance`.
 
     Parameters
     ----------
     form : NormalForm with r rows and m sensors
     tolerance : relative gap between objective and proven bound at which to stop
+    max_iterations : Newton steps
     monitor : sees objective and bound in the user's units; its `stop` returns the best so far
     """
     monitor = monitor or Monitor()
     values = interior_point(form)
     if values is None:
         return Iterate(None, None, None, 0, "no strictly feasible start")
-    F, c, upper, r = form.factors, form.costs, form.upper, form.rows
-    capped = np.isfinite(upper)
-    count = r + len(c) + int(np.sum(capped))
-    room = np.where(capped, upper - values, np.inf)
-    matrix = form.matrix(values)
+    c, r = form.costs, form.rows
+    count = r + len(c) + int(np.sum(np.isfinite(form.upper)))
     mu = float(c @ values) / count
-    lower = np.linalg.cholesky(matrix)
-    inverse_half = solve_triangular(lower, np.eye(r), lower=True)
-    X = mu * inverse_half.T @ inverse_half
-    z, w = mu / values, np.where(capped, mu / room, 0.0)
-    best = (np.inf, values, X, z)
-    best_bound, best_dual, note, stuck = 0.0, X, "iteration limit", 0
-    idle, least_gap = 0, np.inf
-    iteration = 0
+    matrix, room = form.matrix(values), form.upper - values
+    half = solve_triangular(np.linalg.cholesky(matrix), np.eye(r), lower=True)
+    point = _Point(values, mu * half.T @ half, mu / values, mu / room, room, matrix)
+    best, best_cost, dual, bound = point, np.inf, point.X, 0.0
+    note, stuck, idle, least_gap, iteration = "iteration limit", 0, 0, np.inf, 0
     for iteration in range(1, max_iterations + 1):
-        bound = form.lower_bound(X)
-        if bound > best_bound:
-            best_bound, best_dual = bound, X
-        cost = float(c @ values)
-        if cost < best[0]:
-            best = (cost, values, X, z)
-        monitor.report(iteration, form.unit * cost, form.unit * best_bound)
-        gap = (best[0] - best_bound) / best[0]
-        if gap <= tolerance:
-            note = "solved"
-            break
+        proven, cost = form.lower_bound(point.X), float(c @ point.values)
+        if proven > bound:
+            bound, dual = proven, point.X
+        if cost < best_cost:
+            best, best_cost = point, cost
+        monitor.report(iteration, form.unit * best_cost, form.unit * bound)
+        gap = (best_cost - bound) / best_cost
         idle = idle + 1 if gap > 0.9 * least_gap else 0
         least_gap = min(gap, least_gap)
-        if idle >= 4 and gap < 1e-8:
-            note = "solved to rounding"
+        if gap <= tolerance or (idle >= 4 and gap < 1e-8):
+            note = "solved" if gap <= tolerance else "solved to rounding"
             break
-        if monitor.stop:
-            note = "stopped"
+        if monitor.stop or stuck >= 5:
+            note = "stopped" if monitor.stop else "no progress"
             break
         try:
-            lower = np.linalg.cholesky(matrix)
-            lower_dual = np.linalg.cholesky(X)
+            newton = _Newton(form, point)
         except np.linalg.LinAlgError:
             note = "rounding"
             break
-        inverse_half = solve_triangular(lower, np.eye(r), lower=True, check_finite=False)
-        inverse = inverse_half.T @ inverse_half
-        FX, FZ = F @ X, F @ inverse
-        hessian = (FX @ F.T) * (FZ @ F.T)
-        hessian[np.diag_indices_from(hessian)] += z / values + np.where(capped, w / room, 0.0)
-        scale = 1.0 / np.sqrt(np.diag(hessian))
-        hessian = (hessian + hessian.T) / 2 * scale * scale[:, None]
-        try:
-            newton = np.linalg.cholesky(hessian + 1e-15 * np.eye(len(c)))
-        except np.linalg.LinAlgError:
+        mu = point.complementarity / count
+        predicted = newton.direction(0.0)
+        primal, dual_length = min(1.0, predicted.primal), min(1.0, predicted.dual)
+        after = predicted.applied(form, point, primal, dual_length, exact=False).complementarity / count
+        centring = min(1.0, max(after / mu, 1e-4)) ** (3 if min(primal, dual_length) > 0.5 else 2)
+        step = newton.direction(centring * mu, predicted)
+        safety = 0.9 + 0.08 * min(step.primal, step.dual, 1.0)
+        primal, dual_length = min(1.0, safety * step.primal), min(1.0, safety * step.dual)
+        point = step.applied(form, point, primal, dual_length)
+        stuck = stuck + 1 if max(primal, dual_length) < 1e-3 else 0
+        if not np.all(np.isfinite(point.values)):
             note = "rounding"
             break
-        mu = (float(np.sum(X * matrix)) + float(z @ values) + float(w[capped] @ room[capped])) / count
-        diagonal = np.sum(FZ * F, axis=1) + 1 / values - np.where(capped, 1 / room, 0.0)
-
-        def direction(target: float, bend: np.ndarray, bend_matrix: np.ndarray | float, bend_z, bend_w):
-            right = scale * (target * diagonal - c - bend)
-            half = solve_triangular(newton, right, lower=True, check_finite=False)
-            step = scale * solve_triangular(newton, half, lower=True, trans=1, check_finite=False)
-            dZ = F.T @ (step[:, None] * F)
-            mixed = X @ dZ @ inverse
-            dX = target * inverse - X - (mixed + mixed.T) / 2 - bend_matrix
-            dz = (target - z * step - bend_z) / values - z
-            dw = np.where(capped, (target + w * step + bend_w) / room - w, 0.0)
-            primal = min(_to_boundary(lower, dZ), _ratio(values, step), _ratio(room[capped], -step[capped]))
-            dual = min(_to_boundary(lower_dual, dX), _ratio(z, dz), _ratio(w[capped], dw[capped]))
-            return step, dZ, dX, dz, dw, primal, dual
-
-        zero = np.zeros(len(c))
-        step, dZ, dX, dz, dw, primal, dual = direction(0.0, zero, 0.0, zero, zero)
-        primal, dual = min(primal, 1.0), min(dual, 1.0)
-        after = float(np.sum((X + dual * dX) * (matrix + primal * dZ))) + float((z + dual * dz) @ (values + primal * step))
-        after += float((w + dual * dw)[capped] @ (room - primal * step)[capped])
-        centring = min(1.0, max(after / count / mu, 1e-8)) ** (3 if min(primal, dual) > 0.5 else 2)
-        bent = dX @ dZ @ inverse
-        bent = (bent + bent.T) / 2
-        bend_w = np.where(capped, step * dw, 0.0)
-        bend = np.sum((F @ bent) * F, axis=1) + step * dz / values + np.where(capped, bend_w / room, 0.0)
-        step, dZ, dX, dz, dw, primal, dual = direction(centring * mu, bend, bent, step * dz, bend_w)
-        safety = 0.9 + 0.08 * min(primal, dual, 1.0)
-        primal, dual = min(1.0, safety * primal), min(1.0, safety * dual)
-        values, z, w = values + primal * step, z + dual * dz, w + dual * dw
-        room = np.where(capped, upper - values, np.inf)
-        X = X + dual * (dX + dX.T) / 2
-        matrix = form.matrix(values)
-        stuck = stuck + 1 if max(primal, dual) < 1e-3 else 0
-        if stuck >= 5 or not np.all(np.isfinite(values)):
-            note = "no progress"
-            break
-    return Iterate(best[1], best_dual, best[3], iteration, note)
+    return Iterate(best.values, dual, best.z, iteration, note)

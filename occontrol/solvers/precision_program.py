@@ -25,7 +25,9 @@ from occontrol.solvers.precision_feasibility import Feasibility, feasibility
 from occontrol.solvers.precision_normal import Factored, NormalForm, factor_form, factored, reduced_form
 
 MEETS = 1e-8  # of the bound: a posterior above this is never reported as solved
-NEGLIGIBLE = 1e-9  # of the largest precision (in signal-to-noise units): below, a sensor may be dropped if that costs nothing
+NEGLIGIBLE = (
+    1e-9  # of the largest precision (in signal-to-noise units): below, a sensor may be dropped if that costs nothing
+)
 ROUTES = ("barrier", "clarabel", "factor")
 
 
@@ -135,7 +137,7 @@ def examine(program: PrecisionProgram) -> tuple[Factored, Feasibility, Moments]:
 def solve_program(
     program: PrecisionProgram,
     route: str = "barrier",
-    relative_gap: float = 1e-7,
+    relative_gap: float = 1e-6,
     tolerance: float = 1e-12,
     max_iterations: int = 100,
     monitor: Monitor | None = None,
@@ -157,9 +159,13 @@ def solve_program(
     paid = float(np.nansum(np.where(np.isnan(program.fixed), 0.0, program.prices * program.fixed)))
     zero = np.where(np.isnan(program.fixed), 0.0, program.fixed)
     if verdict.idle:
-        return _finish(program, zero, paid, verdict, "closed form", Iterate(None, None, None, 0, ""), relative_gap, monitor)
+        return _finish(
+            program, zero, paid, verdict, "closed form", Iterate(None, None, None, 0, ""), relative_gap, monitor
+        )
     if not verdict.feasible:
-        message = f"The bound cannot be met: the smallest reachable bound is {verdict.factor:.10g} times the present one."
+        message = (
+            f"The bound cannot be met: the smallest reachable bound is {verdict.factor:.10g} times the present one."
+        )
         nan = float("nan")
         return PrecisionResult(Status.INFEASIBLE, message, None, nan, nan, nan, nan, None, verdict, "closed form")
     prices, caps = program.prices[index], program.caps[index]
@@ -171,7 +177,9 @@ def solve_program(
         if name != "barrier" and form.rows > LARGEST:
             if name == route:
                 hint = "use the method 'barrier'"
-                raise ProblemError(f"the matrix inequality has {form.rows} rows, too many for the method '{route}'", hint)
+                raise ProblemError(
+                    f"the matrix inequality has {form.rows} rows, too many for the method '{route}'", hint
+                )
             break
         iterate = _run(form, name, tolerance, max_iterations, monitor)
         lower = max(0.0, form.unit * form.lower_bound(iterate.dual)) if iterate.dual is not None else 0.0
@@ -198,7 +206,9 @@ def _run(form: NormalForm, name: str, tolerance: float, max_iterations: int, mon
     return Iterate(np.clip(found.values, 0.0, form.upper), dual, found.slack, found.iterations, found.status)
 
 
-def _repair(program: PrecisionProgram, zero: np.ndarray, index: np.ndarray, form: NormalForm, iterate: Iterate) -> np.ndarray | None:
+def _repair(
+    program: PrecisionProgram, zero: np.ndarray, index: np.ndarray, form: NormalForm, iterate: Iterate
+) -> np.ndarray | None:
     """Drop what is negligible, then move out by the least amount that meets the bound; None if nothing near does."""
     if iterate.values is None or iterate.slack is None:
         return None
@@ -232,7 +242,9 @@ def _finish(
     nan = float("nan")
     if precisions is None:
         message = f"The solver ended with nothing that meets the bound ({iterate.note}); try the other method."
-        return PrecisionResult(Status.FAILED, message, None, nan, lower, nan, nan, None, verdict, route, iterate.iterations, iterate.note)
+        return PrecisionResult(
+            Status.FAILED, message, None, nan, lower, nan, nan, None, verdict, route, iterate.iterations, iterate.note
+        )
     posterior = posterior_covariance(program.moments, precisions)
     posterior = (posterior + posterior.T) / 2
     objective = float(program.prices @ precisions)
@@ -246,11 +258,29 @@ def _finish(
         precisions = None
     elif gap <= relative_gap:
         status = Status.CERTIFIED
-        message = "No measurement is needed." if objective == 0 else f"Optimal within {max(gap, 0.0):.1e}, proven by the dual matrix."
+        message = (
+            "No measurement is needed."
+            if objective == 0
+            else f"Optimal within {max(gap, 0.0):.1e}, proven by the dual matrix."
+        )
     elif iterate.note == "stopped" and monitor.interrupted:
         status, message = Status.INTERRUPTED, Status.INTERRUPTED.text
     else:
-        status, message = Status.LIMIT, f"The bound is met, the proven gap is {gap:.1e}; raise max_iterations or relative_gap."
+        status, message = (
+            Status.LIMIT,
+            f"The bound is met, the proven gap is {gap:.1e}; raise max_iterations or relative_gap.",
+        )
     return PrecisionResult(
-        status, message, precisions, objective, lower, margin, relative, posterior, verdict, route, iterate.iterations, iterate.note
+        status,
+        message,
+        precisions,
+        objective,
+        lower,
+        margin,
+        relative,
+        posterior,
+        verdict,
+        route,
+        iterate.iterations,
+        iterate.note,
     )

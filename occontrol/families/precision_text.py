@@ -1,0 +1,116 @@
+"""The lines that the command line prints about a precision problem and its solution."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from occontrol.core.solution import Solution
+from occontrol.families.precision_problem import Problem
+from occontrol.filtering.precision_sequence import start_filter
+from occontrol.solvers.precision_program import examine
+
+
+def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
+    """The lines that the command line prints after a solve.
+
+    Parameters
+    ----------
+    problem : Problem
+    solution : Solution
+    """
+    result = solution.result
+    lines = [("method", f"{solution.method}, {solution.iterations} iterations, {solution.seconds:.2f} s")]
+    if "objective" not in result:
+        return [*lines, ("reachable", f"bound factor {result['smallest_factor']:.10g} or more")]
+    what = "objective" if len(set(problem.prices)) > 1 or problem.prices[0] != 1 else "precision"
+    lines += [
+        (what, f"{result['objective']:.10g}"),
+        ("lower bound", f"{result['lower_bound']:.10g}   gap {100 * result['relative_gap']:.3g} %"),
+        (
+            "active",
+            f"{result['active']} of {problem.measurements * len(solution.arrays['precisions'])}   at least {result['least_active']} are needed",
+        ),
+        (
+            "margin",
+            f"{result['margin']:.3g} (smallest eigenvalue of bound - posterior), {result['relative_margin']:.1e} of the bound",
+        ),
+        ("reachable", f"bound factor {result['smallest_factor']:.6g} or more"),
+    ]
+    if "batches" in result:
+        table = [
+            f"{r['batch']:>3}  objective {r['objective']:.6g}  active {r['active']}  rms error {r['rms_error']:.3g}"
+            f"  {'bound kept' if r['guarantee'] else 'BOUND MISSED'}"
+            for r in result["batches"] if "objective" in r
+        ]  # fmt: skip
+        lines.append(("batches", "\n".join(table)))
+    else:
+        precisions = np.array(result["precisions"])
+        order = np.argsort(-precisions, kind="stable")[: min(12, result["active"])]
+        labels = problem.labels()
+        more = "" if result["active"] <= 12 else f"  and {result['active'] - 12} more"
+        lines.append(("precisions", "  ".join(f"{labels[i]} {precisions[i]:.6g}" for i in order) + more))
+    if "pruning" in result:
+        pruning = result["pruning"]
+        rows = [
+            f"without {', '.join(r['removed'][:6])}{' ...' if len(r['removed']) > 6 else ''}: {r['objective']:.8g} ({r['price']:+.3g})"
+            for r in pruning["removals"]
+        ]
+        if pruning["refused"]:
+            rows.append(f"kept for detectability: {', '.join(pruning['refused'])}")
+        lines.append(("pruning", "\n".join([*rows, f"ended: {pruning['reason']}"])))
+    return lines
+
+
+def describe(problem: Problem) -> list[tuple[str, str]]:
+    """What `check` prints: sizes, filter, bound, and whether the first batch can meet it.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    q = f" x {problem.batch} steps" if problem.batch > 1 else ""
+    lines = [
+        ("states", f"{problem.states} bounded"),
+        ("sensors", f"{problem.sensors}{q}: {problem.measurements} precisions to choose"),
+    ]
+    bound = f"factor {problem.bound_factor:g}" if problem.bound_factor is not None else "matrix"
+    deviations = np.sqrt(np.diag(problem.bound))
+    lines.append(("bound", f"{bound}, standard deviations {deviations.min():.4g} to {deviations.max():.4g}"))
+    capped = np.isfinite(problem.caps)
+    if np.any(capped):
+        lines.append(
+            (
+                "caps",
+                f"{int(np.sum(capped))} of {len(capped)}, {problem.caps[capped].min():g} to {problem.caps[capped].max():g}",
+            )
+        )
+    moments = problem.moments
+    if problem.plant is not None:
+        assert problem.measurement is not None and problem.filter is not None
+        plant = problem.plant
+        law = (
+            "next state x = f(x)"
+            if plant.step is None
+            else f"dx/dt = f(x), {plant.substeps} Runge-Kutta steps of {plant.step:g}"
+        )
+        lines.append(("plant", f"{plant.model or 'formulas'}, {law}; {plant.interval:g} time units per step"))
+        lines.append(
+            (
+                "filter",
+                ", ".join(
+                    f"{k} {v}" for k, v in {"name": problem.filter.name, **vars(problem.filter)}.items() if k != "name"
+                ).join([f"{problem.filter.name}: ", ""]),
+            )
+        )
+        if problem.batches > 1:
+            lines.append(("batches", f"{problem.batches}, truth from seed {problem.truth_seed}"))
+        moments = start_filter(plant, problem.measurement, problem.filter).forecast(problem.batch).moments
+    assert moments is not None
+    split, verdict, _ = examine(problem.program(moments))
+    lines.append(("inequality", f"{split.rows.shape[1]} rows (rank of the measurement covariance)"))
+    if verdict.idle:
+        text = "met without any measurement"
+    else:
+        word = "can be met" if verdict.feasible else "CANNOT be met"
+        text = f"{word} in the first batch: smallest factor {problem.factor * verdict.factor:.10g}, at least {verdict.least_active} measurements"
+    return [*lines, ("feasibility", text)]
