@@ -18,7 +18,9 @@ _SMOOTH = 1e-14
 _SHIFTS = 8
 _LATTICE_FIRST = 128
 _LATTICE_LAST = 1 << 15
-_ROOTS = np.sqrt(np.array([2.0, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89, 97]))
+_ROOTS = np.sqrt(
+    np.array([2.0, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89, 97])
+)
 MAX_ROWS = len(_ROOTS) + 1
 
 
@@ -46,7 +48,9 @@ def normal_quantile(probability: float) -> float:
         q = math.sqrt(-2.0 * math.log(p if p < 0.5 else 1.0 - p))
         top = ((((-7.784894002430293e-3 * q - 0.3223964580411365) * q - 2.400758277161838) * q - 2.549732539343734) * q
                + 4.374664141464968) * q + 2.938163982698783  # fmt: skip
-        low = (((7.784695709041462e-3 * q + 0.3224671290700398) * q + 2.445134137142996) * q + 3.754408661907416) * q + 1
+        low = (
+            ((7.784695709041462e-3 * q + 0.3224671290700398) * q + 2.445134137142996) * q + 3.754408661907416
+        ) * q + 1
         x = top / low if p < 0.5 else -top / low
     else:
         q = p - 0.5
@@ -87,7 +91,9 @@ def _echelon(mean, covariance):
         remaining = 1.0
         for c in range(rank):
             j = owner[c]
-            total = covariance[chosen[i], chosen[j]] / math.sqrt(covariance[chosen[i], chosen[i]] * covariance[chosen[j], chosen[j]])
+            total = covariance[chosen[i], chosen[j]] / math.sqrt(
+                covariance[chosen[i], chosen[i]] * covariance[chosen[j], chosen[j]]
+            )
             for k in range(c):
                 total -= factor[i, k] * factor[j, k]
             factor[i, c] = total / factor[j, c]

@@ -108,7 +108,13 @@ def position_variance(
 
 @njit(cache=True, error_model="numpy")
 def score_groups(
-    model, k: int, means: np.ndarray, covariances: np.ndarray, log_predicted: np.ndarray, bound_weight: float, position_weight: float
+    model,
+    k: int,
+    means: np.ndarray,
+    covariances: np.ndarray,
+    log_predicted: np.ndarray,
+    bound_weight: float,
+    position_weight: float,
 ) -> np.ndarray:
     """Step 3: what every group of sensors promises; the smallest is chosen.
 
@@ -137,7 +143,7 @@ def score_groups(
     return scores
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def filter_runs(
     model, mean: np.ndarray, covariance: np.ndarray, log_probabilities: np.ndarray, values: np.ndarray, choices: np.ndarray,
     bound_weight: float, position_weight: float,

@@ -1,0 +1,35 @@
+"""Checks of vectors and probability distributions that a user gives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from occontrol.core.errors import Mistake, Path
+
+SUM_TOLERANCE = 1e-9
+
+
+def check_vector(name: str, vector: np.ndarray, size: int, path: Path, hint: str) -> list[Mistake]:
+    """A finite vector of a given length."""
+    count = len(vector)
+    if count != size:
+        what = f"{name} has {count} entr{'y' if count == 1 else 'ies'}, it must have {size}"
+        return [Mistake(path, what, hint)]
+    return [] if np.all(np.isfinite(vector)) else [Mistake(path, f"{name} is not finite")]
+
+
+def check_distribution(name: str, vector: np.ndarray, outcomes: Sequence[str], path: Path) -> list[Mistake]:
+    """Probabilities: not negative, and summing to 1 within 1e-9."""
+    if not np.all(np.isfinite(vector)):
+        return [Mistake(path, f"{name} is not finite")]
+    if np.any(vector < 0):
+        j = int(np.argmin(vector))
+        what = f"{name} has the negative entry {vector[j]:g} for '{outcomes[j]}'"
+        return [Mistake((*path, j), what, "probabilities are not negative")]
+    total = float(vector.sum())
+    if abs(total - 1.0) > SUM_TOLERANCE:
+        hint = "fractions may be written as formulas, for example '1/3'"
+        return [Mistake(path, f"{name} sums to {total:.12g}, not to 1", hint)]
+    return []
