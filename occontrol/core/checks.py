@@ -19,8 +19,11 @@ def check_shape(
     wrong = (rows is not None and shape[0] != rows) or (columns is not None and shape[1] != columns)
     if not wrong:
         return []
-    wanted = f"{'m' if rows is None else rows}x{'m' if columns is None else columns}"
-    return [Mistake(path, f"{name} is {shape[0]}x{shape[1]}, it must be {wanted}", hint)]
+    wanted = f"be {rows}x{columns}"
+    if rows is None or columns is None:
+        count, kind = (columns, "column") if rows is None else (rows, "row")
+        wanted = f"have {count} {kind}{'s' * (count != 1)}"
+    return [Mistake(path, f"{name} is {shape[0]}x{shape[1]}, it must {wanted}", hint)]
 
 
 def check_covariance(

@@ -73,7 +73,8 @@ def _parse(text: str) -> ast.expr:
             warnings.simplefilter("ignore")
             tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise _fail(text, "is not a formula", f"syntax: {getattr(error, 'msg', error)}") from None
+        reason = getattr(error, "msg", None) or "nested too deeply"
+        raise _fail(text, "is not a formula" if text.strip() else "is empty", f"syntax: {reason}") from None
     count, level, nodes = 0, 0, [tree]
     while nodes:
         level += 1

@@ -55,13 +55,15 @@ class LinearPlant:
         n = self.A.shape[0]
         mean = np.zeros(n) if self.mean is None else np.atleast_1d(np.asarray(self.mean, dtype=float)).ravel()
         object.__setattr__(self, "mean", mean)
-        mistakes = check_shape("A", self.A.shape, n, n, ("A",), "A is square: one row and one column per state")
+        if self.A.shape[1] != n:  # then the number of states is not known
+            what = f"A is {n}x{self.A.shape[1]}, it must be square"
+            raise ProblemError(Mistake(("A",), what, "one row and one column per state"))
         hint = f"the plant has {n} state{'s' * (n != 1)}"
-        mistakes += check_shape("noise", self.noise.shape, n, n, ("noise",), hint)
+        mistakes = check_shape("noise of the plant", self.noise.shape, n, n, ("noise",), hint)
         wrong = check_shape("covariance", self.covariance.shape, n, n, ("covariance",), hint)
         mistakes += wrong or check_covariance("covariance", self.covariance, ("covariance",))
         if len(mean) != n:
-            mistakes.append(Mistake(("mean",), f"mean has {len(mean)} entries, the plant has {n} states", "one entry per state"))
+            mistakes.append(Mistake(("mean",), f"mean has {len(mean)} entries, {hint}", "one entry per state"))
         elif not np.all(np.isfinite(mean)):
             mistakes.append(Mistake(("mean",), "mean is not finite"))
         if self.B is not None:

@@ -126,7 +126,7 @@ class SchedulingProblem:
         found: list[Mistake] = []
         plant = self.plant
         found += check_finite("A", plant.A, later, ("plant", "A"))
-        found += check_covariance_signal("noise", plant.noise, later, ("plant", "noise"))
+        found += check_covariance_signal("noise of the plant", plant.noise, later, ("plant", "noise"))
         for name in ("B", "input"):
             if getattr(plant, name) is not None:
                 found += check_finite(name, getattr(plant, name), later, ("plant", name))

@@ -144,7 +144,7 @@ class TableSignal(Signal):
         if np.any(np.diff(times) <= 0):
             bad = int(np.argmax(np.diff(times) <= 0)) + 1
             raise ProblemError(
-                Mistake(("times",), f"times must increase: entry {bad} is {times[bad]:g} after {times[bad - 1]:g}")
+                Mistake(("times",), f"times must increase: entry {bad + 1} is {times[bad]:g} after {times[bad - 1]:g}")
             )
         if self.interpolation not in ("linear", "previous"):
             raise ProblemError(

@@ -97,12 +97,10 @@ def load_document(path: str | Path) -> LoadedDocument:
     family = text.data.get("family")
     if family not in list(SCHEMAS):
         known = list(SCHEMAS)
-        what = (
-            "the problem has no 'family'"
-            if family is None
-            else f"unknown family {shown(family).removeprefix('the text ')}"
-        )
-        hint = suggest(family, known) if isinstance(family, str) else "family: " + " | ".join(known)
+        what = "the problem has no 'family'" if family is None else f"family is {shown(family)}, it must be a name"
+        hint = "family: " + " | ".join(known)
+        if isinstance(family, str):
+            what, hint = f"unknown family '{family[:60]}'", suggest(family, known)
         raise text.placed([*text.mistakes, Mistake(("family",), what, hint)])
     return LoadedDocument(path, text, family, schema_for(family))
 

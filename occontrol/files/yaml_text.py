@@ -72,7 +72,7 @@ class _Builder:
                 if event.anchor is not None:
                     raise self.fail(event, f"the anchor '&{event.anchor}' is not allowed", "write the value out")
                 if event.tag is not None:
-                    raise self.fail(event, f"the tag '{event.tag}' is not allowed", "remove the tag")
+                    raise self.fail(event, f"the tag '{_short(event.tag)}' is not allowed", "remove the tag")
                 if isinstance(event, kinds.ScalarEvent):
                     self.scalar(event)
                 else:
@@ -111,6 +111,10 @@ class _Builder:
                 top[0].setdefault(name, value)
                 top[1].setdefault(name, place)
         return [value, inside, None]
+
+
+def _short(tag: object) -> str:
+    return str(tag).replace("tag:yaml.org,2002:", "!!", 1)
 
 
 def _value(text: str) -> Any:

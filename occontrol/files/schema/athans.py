@@ -54,7 +54,7 @@ class SensorEntry(Strict):
     C: Matrix = Field(description="C: a list of rows, one entry per state")
     noise: Matrix = Field(description="noise: the intensity Theta of the sensor noise")
     cost: Matrix = 0.0
-    windows: list[list[float]] | None = None
+    windows: list[list[float]] | None = Field(None, description="windows: [[start, end], ..]")
 
 
 def _sensor_kind(value: Any) -> str:
@@ -149,6 +149,8 @@ def _edges(horizon: Horizon, context: Context) -> Any:
                 wrong(("horizon", key), f"horizon.{key} is {value:g}, but the edges {key} at {edge:g}", "leave it out")
         return edges if len(context.found.mistakes) == before else None
     start = 0.0 if horizon.start is None else horizon.start
+    if {("horizon", key) for key in ("start", "end", "intervals", "edges")} & {m.path for m in context.found.mistakes}:
+        return None  # one of them was unreadable and left out
     if horizon.end is None or horizon.intervals is None:
         lacking = "'end'" if horizon.end is None else "neither 'intervals' nor 'edges'"
         wrong(
@@ -160,7 +162,7 @@ def _edges(horizon: Horizon, context: Context) -> Any:
         return None
     if not 1 <= horizon.intervals <= MAX_INTERVALS:
         hint = f"at least 1 and at most {MAX_INTERVALS}"
-        wrong(("horizon", "intervals"), f"horizon.intervals is {horizon.intervals}", hint)
+        wrong(("horizon", "intervals"), f"horizon.intervals is {horizon.intervals}, it must be {hint}")
     if horizon.end <= start:
         what = f"the horizon ends at {horizon.end:g}, which is not after its start {start:g}"
         wrong(("horizon", "end"), what, "end must lie after start")

@@ -18,6 +18,8 @@ from occontrol.files.schema.matrices import ENTRY, MATRIX_SCHEMA, MatrixReader
 from occontrol.files.schema.tables import TableFiles
 from occontrol.files.schema.words import shown, spell, suggest, translate
 
+NOT_NEGATIVE = {"relative_gap", "max_iterations", "time_limit", "polish", "seed", "depth"}
+
 
 class Strict(BaseModel):
     """Unknown keys, infinities and silent conversions are mistakes."""
@@ -79,6 +81,8 @@ class Context:
     def name(self, path: Path) -> str:
         """What the user calls the thing at a path: "C of sensor 'radar'"."""
         words = spell(path, self.data)
+        if path[:2] == ("plant", "noise"):
+            return "noise" + words.removeprefix("plant.noise") + " of the plant"
         for prefix in ("plant.initial.", "plant."):
             words = words.removeprefix(prefix)
         return words
@@ -159,6 +163,9 @@ class Context:
                     continue
                 m = translate(error, Strict, item)[0]
                 self.found.add(("method", key), f"method.{key}{m.what.removeprefix('the document')}", m.hint)
+        for key in NOT_NEGATIVE & given.keys():
+            if given[key] is not None and given[key] < 0:
+                self.found.add(("method", key), f"method.{key} is {given[key]:g}, it must not be negative")
         if len(self.found.mistakes) > before:
             return None
         try:

@@ -29,6 +29,7 @@ _WANTED = {
     "model_attributes_type": "a mapping (key: value)",
     "dataclass_type": "a mapping (key: value)",
 }
+_COLLECTIONS = {kind for kind, wanted in _WANTED.items() if wanted.startswith("a list") or "mapping" in wanted}
 _LIMITS = {
     "greater_than": (">", "gt"),
     "greater_than_equal": (">=", "ge"),
@@ -149,9 +150,20 @@ def translate(error: ValidationError, model: type[BaseModel], data: Any) -> list
             hint = suggest(str(path[-1]), known.model_fields) if known else ""
             mistake = Mistake(path, f"unknown key '{path[-1]}'{where}", hint, key=True)
         else:
-            mistake = Mistake(path, f"{name or 'the document'} {_predicate(kind, context, e)}", _hint(kind, e))
+            hint = _hint(kind, e) or (_description(model, path) if kind in _COLLECTIONS else "")
+            mistake = Mistake(path, f"{name or 'the document'} {_predicate(kind, context, e)}", hint)
         found.setdefault(path, mistake)
     return list(found.values())
+
+
+def _description(model: type[BaseModel], path: Path) -> str:
+    """How the nearest key above a path is to be written, if its field says so."""
+    for end in range(len(path), 0, -1):
+        if isinstance(path[end - 1], str):
+            owner = model_at(model, path[: end - 1])
+            field = owner.model_fields.get(str(path[end - 1])) if owner else None
+            return (field.description if field else None) or ""
+    return ""
 
 
 def _predicate(kind: str, context: dict, error: Any) -> str:
