@@ -72,9 +72,12 @@ def _parse(text: str) -> ast.expr:
         with warnings.catch_warnings():  # '1if t else 2' would print one
             warnings.simplefilter("ignore")
             tree = ast.parse(text.strip(), mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        reason = getattr(error, "msg", None) or "nested too deeply"
-        raise _fail(text, "is not a formula" if text.strip() else "is empty", f"syntax: {reason}") from None
+    except (RecursionError, MemoryError):
+        what = "has too many terms in a row or is nested too deeply"
+        raise _fail(text, what, "use a table: {times: ..., values: ...}") from None
+    except (SyntaxError, ValueError) as error:
+        what = "is not a formula" if text.strip() else "is empty"
+        raise _fail(text, what, f"syntax: {getattr(error, 'msg', error)}") from None
     count, level, nodes = 0, 0, [tree]
     while nodes:
         level += 1
