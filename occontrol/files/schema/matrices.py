@@ -108,7 +108,7 @@ class MatrixReader:
         if rows is None:
             return None
         if any(isinstance(e, str) for row in rows for e in row):
-            return ExpressionSignal(tuple(map(tuple, rows)), variables[0])
+            return ExpressionSignal(tuple(map(tuple, rows)), variables[0] if variables else "t")
         return _constant(np.array(rows, dtype=float))
 
     def rows(self, value: Any, path: Path, variables: tuple[str, ...] = ("t",)) -> list[list[float | str]] | None:
