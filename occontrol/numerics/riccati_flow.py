@@ -107,7 +107,7 @@ def varying_transitions(lengths: np.ndarray, matrices: np.ndarray) -> np.ndarray
     before = np.concatenate([np.broadcast_to(identity, (len(lengths), 1, size, size)), values[:, :NODES]], axis=1)
     turned = np.swapaxes(before, -1, -2)
     # the inverse of a symplectic matrix
-    inverse = np.block([[turned[..., n:, n:], -turned[..., :n, n:]], [-turned[..., n:, :n], turned[..., :n, :n]]])
+    inverse = np.block([[turned[..., n:, n:], -turned[..., n:, :n]], [-turned[..., :n, n:], turned[..., :n, :n]]])
     return values @ inverse
 
 
