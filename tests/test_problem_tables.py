@@ -57,7 +57,7 @@ def test_tracking_tables_windows_and_grid_are_those_of_the_script(made):
     np.testing.assert_allclose(file["horizon"]["edges"], edges, atol=1e-9)
     for sensor in file["sensors"][:-1]:
         assert [tuple(w) for w in sensor["windows"]] == passes[sensor["name"]]
-    assert sum(len(p) for p in passes.values()) > 20 and all(passes.values())
+    assert sum(len(p) for p in passes.values()) > 15 and all(passes.values())
 
 
 def test_windows_lie_where_an_independent_geometry_sees_the_satellite(tracking, made):
@@ -68,8 +68,8 @@ def test_windows_lie_where_an_independent_geometry_sees_the_satellite(tracking, 
     sat = Satrec.twoline2rv(*tracking.ELEMENTS)
 
     def elevation(station, t):
-        _, position, _ = sat.sgp4(sat.jdsatepoch, sat.jdsatepochF + t / 86400)
-        angle = gstime(sat.jdsatepoch + sat.jdsatepochF + t / 86400)
+        _, position, _ = sat.sgp4(sat.jdsatepoch, sat.jdsatepochF + (tracking.START + t) / 86400)
+        angle = gstime(sat.jdsatepoch + sat.jdsatepochF + (tracking.START + t) / 86400)
         c, s = np.cos(angle), np.sin(angle)
         fixed = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ position
         phi, lam = np.deg2rad([station.latitude, station.longitude])
