@@ -91,6 +91,19 @@ def _from_transfer(M: np.ndarray) -> Element:
     return _t(inverse), _even(M[..., :n, n:] @ inverse), _even(inverse @ M[..., n:, :n])
 
 
+def _exponential(H: np.ndarray) -> np.ndarray:
+    """exp of many small matrices at once: the [9/9] Pade quotient, exact to rounding for 1-norms up to 2."""
+    if np.max(np.sum(np.abs(H), axis=-2), initial=0.0) > 2.0:
+        return expm(H)
+    c = (17643225600, 8821612800, 2075673600, 302702400, 30270240, 2162160, 110880, 3960, 90, 1)
+    one, H2 = np.eye(H.shape[-1]), H @ H
+    H4 = H2 @ H2
+    H6, H8 = H4 @ H2, H4 @ H4
+    odd = H @ (c[9] * H8 + c[7] * H6 + c[5] * H4 + c[3] * H2 + c[1] * one)
+    even = c[8] * H8 + c[6] * H6 + c[4] * H4 + c[2] * H2 + c[0] * one
+    return np.linalg.solve(even - odd, even + odd)
+
+
 def _block(A: np.ndarray, W: np.ndarray, S: np.ndarray) -> np.ndarray:
     top = np.concatenate([A, W], axis=-1)
     return np.concatenate([top, np.concatenate([-S, -_t(A)], axis=-1)], axis=-2)
@@ -188,7 +201,7 @@ class Flow:
         H, size = self._exponents(starts, weights)
         h = ends - starts
         doublings = max(0, int(np.ceil(np.log2(max(float(np.max(size * h)) / SHORT, 1e-300)))))
-        element = _from_transfer(expm(H * (h / 2.0**doublings)[:, None, None]))
+        element = _from_transfer(_exponential(H * (h / 2.0**doublings)[:, None, None]))
         for _ in range(doublings):
             element = _checked(element, element, exists)
         return element
@@ -263,7 +276,7 @@ class Flow:
         inner = 2 * a3 + c1
         c2 = -(a1 @ inner - inner @ a1) / 60
         x, y = -20 * a1 - a3 + c1, a2 + c2
-        return expm(a1 + a3 / 12 + (x @ y - y @ x) / 240)
+        return _exponential(a1 + a3 / 12 + (x @ y - y @ x) / 240)
 
     def _reduce(self, pieces: Element, owner: np.ndarray, count: int, exists: np.ndarray | None) -> Element:
         """The star product of every owner's pieces, in pairs."""
