@@ -13,6 +13,7 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.solution import Solution
 from occontrol.files.figures import style
+from occontrol.files.figures.athans_compare import draw_compare, sizes
 from occontrol.files.figures.panels import (
     convergence_panel,
     curves_panel,
@@ -24,7 +25,9 @@ from occontrol.files.figures.panels import (
 from occontrol.numerics.discretise import half_predicts
 from occontrol.numerics.transition import transitions
 
-WIDEST_LINEAR = 100.0  # the largest switching function may be this many times the median before the axis is compressed
+__all__ = ["draw", "draw_compare"]
+
+WIDEST_LINEAR = 20.0  # the largest switching function may be this many times the median before the axis is compressed
 
 
 def draw(problem: SchedulingProblem, solution: Solution) -> dict[str, Figure]:
@@ -46,66 +49,6 @@ def draw(problem: SchedulingProblem, solution: Solution) -> dict[str, Figure]:
         }
         convergence = _convergence(problem, solution)
         return figures if convergence is None else {**figures, "convergence": convergence}
-
-
-def draw_compare(problem: SchedulingProblem, solutions: Mapping[str, Solution]) -> Figure:
-    """Cost of several methods against the best bound that any of them proved, with their schedules.
-
-    Parameters
-    ----------
-    problem : SchedulingProblem
-    solutions : Solution by method name
-    """
-    with style.house_style():
-        count = len(solutions)
-        figure = style.new_figure((13.33, min(12.0, 2.2 + 0.85 * count)), problem.name, _sizes(problem))
-        left, right = figure.subplots(1, 2, width_ratios=[1.6, 1])
-        _compared_schedules(left, problem, solutions)
-        bounds = [s.certificate.lower_bound for s in solutions.values() if s.certificate is not None]
-        best = max(bounds, default=float("nan"))
-        costs = np.array([s.cost for s in solutions.values()])
-        places = np.arange(count)[::-1]
-        right.barh(places, costs, height=0.6, color=style.ACCENT, alpha=0.85)
-        for place, cost in zip(places, costs, strict=True):
-            text = f" {cost:.6g}" + (f"  (+{100 * (cost - best) / abs(cost):.2g} %)" if best == best and cost else "")
-            right.text(cost, place, text, va="center", fontsize=10)
-        if best == best:
-            right.axvline(best, color=style.SECOND, linewidth=1.5)
-            right.set_title(f"cost (line: no schedule costs less than {best:.6g})")
-        right.set_xlim(0, float(np.max(costs)) * 1.45 if np.max(costs) > 0 else None)
-        right.set_yticks([])
-        right.spines["left"].set_visible(False)
-        right.set_ylim(-0.6, count - 0.4)
-        return figure
-
-
-def _compared_schedules(axes: Axes, problem: SchedulingProblem, solutions: Mapping[str, Solution]) -> None:
-    """One row per method, the sensors stacked by weight in their colours."""
-    colours = style.sensor_colours(problem.sensors.names)
-    many = len(set(colours)) < len(colours)
-    if many:
-        ramp = style.colour_map()
-        colours = [ramp(j / max(1, len(colours) - 1)) for j in range(len(colours))]  # type: ignore[misc]
-    for row, solution in enumerate(solutions.values()):
-        schedule = solution.schedule
-        if schedule is None:
-            continue
-        base = np.full(len(schedule.edges), len(solutions) - 1 - row - 0.35)
-        for j in range(len(schedule.names)):
-            share = np.append(schedule.weights[:, j], schedule.weights[-1, j]) / problem.select * 0.7
-            if np.any(share > 0):
-                axes.fill_between(schedule.edges, base, base + share, step="post", color=colours[j], linewidth=0)
-            base = base + share
-    axes.set_yticks(range(len(solutions)), [style.shorten(name) for name in reversed(list(solutions))])
-    axes.set_ylim(-0.6, len(solutions) - 0.4)
-    axes.tick_params(axis="y", length=0)
-    axes.spines["left"].set_visible(False)
-    axes.set_title("schedules" + (", one shade per sensor" if many else ""))
-    if not many:
-        for colour, name in zip(colours, problem.sensors.names, strict=True):
-            axes.fill_between([], [], color=colour, label=style.shorten(name))
-        axes.figure.legend(loc="outside lower left", ncols=min(6, len(colours)))
-    style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1])
 
 
 def output_deviation(problem: SchedulingProblem, covariance: np.ndarray) -> np.ndarray:
@@ -134,22 +77,8 @@ def output_deviation(problem: SchedulingProblem, covariance: np.ndarray) -> np.n
     return result
 
 
-def _sizes(problem: SchedulingProblem) -> str:
-    def count(number: int, word: str) -> str:
-        return f"{number} {word}{'s' * (number != 1)}"
-
-    parts = [
-        count(problem.states, "state"),
-        count(len(problem.sensors), "sensor"),
-        count(problem.intervals, "interval"),
-    ]
-    if problem.select > 1:
-        parts.append(f"{problem.select} at a time")
-    return " · ".join(parts)
-
-
 def _subtitle(problem: SchedulingProblem, solution: Solution) -> str:
-    text = f"method {solution.method} · {_sizes(problem)}"
+    text = f"method {solution.method} · {sizes(problem)}"
     c = solution.certificate
     if c is None or not np.isfinite(c.lower_bound):
         return f"{text} · cost {solution.cost:.7g}"
@@ -218,15 +147,17 @@ def _draw_switching(axes: Axes, problem: SchedulingProblem, solution: Solution, 
                 axes.step(edges, np.append(used, used[-1]), where="post", color=colours[j], linewidth=3.2, alpha=0.8)
         finite = np.abs(switching[np.isfinite(switching) & (switching != 0)])
         if len(finite) and np.max(finite) > WIDEST_LINEAR * np.median(finite):
-            axes.set_yscale("symlog", linthresh=float(np.median(finite)))
+            # linear up to a power of ten, so that its ticks keep clear of the zero
+            axes.set_yscale("symlog", linthresh=10.0 ** np.ceil(np.log10(np.median(finite))))
         axes.set_ylabel("cost / time")
         axes.grid(axis="y")
         legend(axes, len(names))
     else:
-        axes.set_title("switching functions: distance above the smallest (dark: to be used, white: not available)")
+        axes.set_title("switching functions above the smallest (dark: to be used, white: not available)")
         smallest = np.min(np.where(np.isfinite(switching), switching, np.inf), axis=1, keepdims=True)
         above = switching - smallest
-        scale = float(np.nanmedian(above)) or 1.0
+        positive = above[above > 0]  # not-a-number compares as false
+        scale = float(np.median(positive)) if len(positive) else 1.0
         map_panel(axes, edges, np.log10(1 + above / scale), names, "log₁₀(1 + distance/median)", log=False)
     style.tidy_time_axis(axes, edges[0], edges[-1], label)
 
@@ -284,7 +215,7 @@ def _convergence(problem: SchedulingProblem, solution: Solution) -> Figure | Non
 
 
 def _overview(problem: SchedulingProblem, solution: Solution) -> Figure:
-    figure = style.new_figure(style.SLIDE, problem.name, f"method {solution.method} · {_sizes(problem)}")
+    figure = style.new_figure(style.SLIDE, problem.name, f"method {solution.method} · {sizes(problem)}")
     grid = figure.add_gridspec(
         3, 2, width_ratios=[3.5, 1], height_ratios=[max(1.0, min(2.2, 0.16 * len(problem.sensors))), 1, 1]
     )
@@ -315,7 +246,7 @@ def _certificate_text(solution: Solution) -> str:
             lines += [f"proven bound {continuous['lower_bound']:.7g}", f"gap {100 * continuous['relative_gap']:.3g} %"]
     schedule = solution.schedule
     if schedule is not None:
-        lines += ["", f"{schedule.switches} switches"]
+        lines += ["", f"{schedule.switches} switch{'es' * (schedule.switches != 1)}"]
         if schedule.singular_fraction:
             lines += [f"singular {100 * schedule.singular_fraction:.3g} % of the time"]
     return "\n".join(lines)

@@ -155,14 +155,20 @@ def convergence_panel(axes: Axes, history: Sequence[Mapping[str, Any]], target: 
     if len(cost) < 2:
         return False
     best = np.maximum.accumulate(np.where(np.isfinite(bound), bound, -np.inf))
-    lowest = np.minimum.accumulate(np.where(np.isfinite(cost), cost, np.inf))
     with np.errstate(invalid="ignore", divide="ignore"):
-        gap = (lowest - best) / np.abs(lowest)
+        gap = (cost - best) / np.abs(cost)
     gap = np.where(np.isfinite(gap) & (gap > 0), gap, np.nan)
     if not np.any(np.isfinite(gap)):
         return False
     steps = np.arange(1, len(gap) + 1)
-    axes.semilogy(steps, gap, color=style.ACCENT, marker="o" if len(gap) <= 40 else None, markersize=3)
+    axes.set_yscale("log")
+    stages = [str(record.get("stage") or "") for record in history]
+    for i, stage in enumerate(dict.fromkeys(stages)):
+        here = np.array([s == stage for s in stages])
+        # the stages differ in what they vary (shares, then schedules), so their costs are not one curve
+        marker = "D" if np.sum(here) == 1 else "o" if len(gap) <= 60 else None
+        colour = style.PALETTE[i % len(style.PALETTE)]
+        axes.plot(steps[here], gap[here], color=colour, marker=marker, markersize=4, label=stage or None)
     if target:
         axes.axhline(target, color=style.GREY, linestyle="--", linewidth=1)
         axes.annotate(" target", (steps[0], target), va="bottom", fontsize=9, color="#666666")
@@ -173,6 +179,8 @@ def convergence_panel(axes: Axes, history: Sequence[Mapping[str, Any]], target: 
     axes.set_xlabel("iteration")
     axes.set_ylabel("relative gap")
     axes.grid(axis="y", which="both")
+    if len(set(stages)) > 1:
+        axes.legend(loc="upper right", fontsize=9)
     return True
 
 

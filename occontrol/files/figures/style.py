@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -20,7 +21,7 @@ SLIDE = (13.33, 7.5)
 MOST_LINES = len(PALETTE)  # more curves than this are drawn as a map
 LONGEST_NAME = 22
 
-_SETTINGS = {
+_SETTINGS: Any = {
     "font.size": 11,
     "font.family": "DejaVu Sans",
     "axes.titlesize": 12,

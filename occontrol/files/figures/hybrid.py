@@ -1,0 +1,266 @@
+"""Pictures of a jumping-mode solution: where the target was and was thought to be, errors over time, modes, sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from occontrol.core.plant import state_names
+from occontrol.core.schedule import Schedule
+from occontrol.core.solution import Solution
+from occontrol.families.hybrid_problem import Problem
+from occontrol.files.figures import style
+from occontrol.files.figures.panels import schedule_panel
+
+MOST_MARKS = 60
+
+
+def draw(problem: Problem, solution: Solution) -> dict[str, Figure]:
+    """Every figure of one solution.
+
+    Parameters
+    ----------
+    problem : Problem
+    solution : Solution
+
+    Returns overview, trajectory, rms, modes and sensors; all but rms show the first run.
+    """
+    with style.house_style():
+        figures = {"overview": _overview(problem, solution)}
+        for name, size, panel, title in (
+            ("trajectory", (9, 6.5), trajectory_panel, "run 1: truth and estimate"),
+            ("rms", (10, 4.5), rms_panel, _counted(solution)),
+            ("modes", (10, 4.5), modes_panel, "run 1: probability of each mode; line: the true mode"),
+        ):
+            figure = style.new_figure(size, problem.name, title)
+            panel(figure.subplots(), problem, solution)
+            figures[name] = figure
+        figure = style.new_figure((10, 2.6 + 0.45 * len(problem.sensors)), problem.name, _use_text(solution))
+        upper, lower = figure.subplots(2, 1, sharex=True)
+        sensors_panel(upper, problem, solution)
+        use_panel(lower, problem, solution)
+        figures["sensors"] = figure
+        return figures
+
+
+def draw_compare(problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
+    """Errors over time of several methods, and their averages with standard errors.
+
+    Parameters
+    ----------
+    problem : Problem
+    solutions : Solution by method name
+    """
+    with style.house_style():
+        runs = {int(s.result["runs"]) for s in solutions.values()}
+        text = f"{min(runs)} runs of {problem.steps} steps each; bars: one standard error"
+        figure = style.new_figure((13.33, 6.5), problem.name, text)
+        left, middle, right = figure.subplots(1, 3, width_ratios=[2.2, 1, 1])
+        colours = [style.PALETTE[i % len(style.PALETTE)] for i in range(len(solutions))]
+        for colour, (name, solution) in zip(colours, solutions.items(), strict=True):
+            left.plot(solution.arrays["times"][1:], solution.arrays["rms"], color=colour, label=_label(name, solution))
+        left.set_title("RMS position error over time")
+        left.set_ylim(bottom=0)
+        left.grid(axis="y")
+        left.legend(loc="lower center", bbox_to_anchor=(0.5, -0.28), ncols=3)
+        style.tidy_time_axis(left, 0, problem.steps)
+        left.set_xlabel("step k")
+        for axes, key, title in (
+            (middle, "average_rms", "average RMS"),
+            (right, "mode_errors", "steps with the wrong mode"),
+        ):
+            _bars(axes, solutions, key, title, colours, named=axes is middle)
+        return figure
+
+
+def _bars(axes: Axes, solutions: Mapping[str, Solution], key: str, title: str, colours: list[str], named: bool) -> None:
+    places = np.arange(len(solutions))[::-1]
+    values = np.array([float(s.result[key]) for s in solutions.values()])
+    errors = [s.result.get(f"{key}_standard_error") for s in solutions.values()]
+    bars = np.array([float(e) if isinstance(e, int | float) and np.isfinite(e) else 0.0 for e in errors])
+    axes.barh(places, values, height=0.6, color=colours, xerr=bars, error_kw={"ecolor": style.INK, "elinewidth": 1.2})
+    for place, value, bar in zip(places, values, bars, strict=True):
+        axes.text(value + bar, place, f"  {value:.3g}", va="center", fontsize=10)
+    labels = [style.shorten(_label(name, s)) for name, s in solutions.items()]
+    axes.set_yticks(places, labels if named else [""] * len(places))
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlim(0, float(np.max(values + bars)) * 1.3 or 1.0)
+    axes.set_title(title)
+
+
+def _label(name: str, solution: Solution) -> str:
+    sensor = solution.result.get("sensor")
+    return f"{name}: {sensor}" if sensor else name
+
+
+def _overview(problem: Problem, solution: Solution) -> Figure:
+    result = solution.result
+    text = f"{_label(solution.method, solution)}: average RMS {result['average_rms']:.3g}{_pm(result, 'average_rms')}, "
+    text += f"mode errors {result['mode_errors']:.3g}{_pm(result, 'mode_errors')} of {problem.steps} steps"
+    figure = style.new_figure(style.SLIDE, problem.name, text)
+    grid = figure.add_gridspec(3, 2, width_ratios=[1.1, 1.25], height_ratios=[1.15, 1, 0.35 + 0.18 * _rows(problem)])
+    panels = [figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1], grid[2, 1])]
+    for panel, axes in zip((trajectory_panel, rms_panel, modes_panel, sensors_panel), panels, strict=True):
+        panel(axes, problem, solution)
+    panels[0].set_title("run 1: truth and estimate")
+    panels[1].set_title(_counted(solution))
+    panels[2].set_title("run 1: probability of each mode; line: the true mode")
+    panels[3].set_title("run 1: the sensors in use, and their share over all runs")
+    for axes in panels[1:3]:
+        axes.set_xlabel("")
+        axes.tick_params(labelbottom=False)
+    return figure
+
+
+def _rows(problem: Problem) -> int:
+    return min(len(problem.sensors), 8)
+
+
+def _counted(solution: Solution) -> str:
+    runs = int(solution.result["runs"])
+    return f"RMS position error of {runs} run{'s' * (runs != 1)}; band: two standard errors"
+
+
+def _pm(result: Mapping, name: str) -> str:
+    error = result.get(f"{name}_standard_error")
+    return f" ± {error:.2g}" if isinstance(error, int | float) and np.isfinite(error) else ""
+
+
+def _use_text(solution: Solution) -> str:
+    return "use over all runs: " + ", ".join(
+        f"{n} {100 * v:.3g} %" for n, v in list(solution.result["use"].items())[:8]
+    )
+
+
+def trajectory_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
+    """Truth and estimate of the first run: in the plane of two position components, otherwise over time.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    problem : Problem
+    solution : Solution
+    """
+    truth, estimate, times = (solution.arrays[name] for name in ("truth", "estimate", "times"))
+    position, names = list(problem.position or ()), state_names(problem.plant.states)
+    if len(position) == 2:
+        a, b = position
+        axes.plot(truth[:, a], truth[:, b], color=style.INK, label="truth")
+        axes.plot(estimate[:, a], estimate[:, b], color=style.SECOND, linewidth=1.2, label="estimate")
+        gap = max(1, len(times) // MOST_MARKS)
+        axes.plot(estimate[::gap, a], estimate[::gap, b], ".", color=style.SECOND, markersize=5)
+        axes.plot(*truth[0, [a, b]], "o", color=style.INK, markersize=7)
+        axes.annotate("start", truth[0, [a, b]], textcoords="offset points", xytext=(7, 7))
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_xlabel(names[a])
+        axes.set_ylabel(names[b])
+        axes.grid(True)
+        axes.legend(loc="best")
+        return
+    deviation = np.sqrt(np.maximum(np.diagonal(solution.arrays["covariance"], axis1=1, axis2=2), 0.0))
+    for i, component in enumerate(position[: style.MOST_LINES]):
+        colour, mean, sd = style.PALETTE[i], estimate[:, component], deviation[:, component]
+        axes.fill_between(times, mean - 2 * sd, mean + 2 * sd, color=colour, alpha=0.18, linewidth=0)
+        axes.plot(times, mean, color=colour, linewidth=1.2, label=f"{names[component]}, band: two standard deviations")
+        axes.plot(times, truth[:, component], color=style.INK, linewidth=1.2, label="truth" if i == 0 else None)
+    axes.legend(loc="best")
+    axes.grid(axis="y")
+    style.tidy_time_axis(axes, 0, problem.steps)
+    axes.set_xlabel("step k")
+
+
+def rms_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
+    """RMS position error over time, with a band of two standard errors.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    problem : Problem
+    solution : Solution
+    """
+    steps, rms, error = solution.arrays["times"][1:], solution.arrays["rms"], solution.arrays["rms_standard_error"]
+    axes.fill_between(steps, rms - 2 * error, rms + 2 * error, color=style.ACCENT, alpha=0.2, linewidth=0)
+    axes.plot(steps, rms, color=style.ACCENT)
+    average = float(solution.result["average_rms"])
+    axes.axhline(average, color=style.GREY, linewidth=1, linestyle="--")
+    axes.annotate(
+        f"average {average:.3g}", (problem.steps, average), textcoords="offset points", xytext=(-4, 4), ha="right"
+    )
+    axes.set_ylim(0, None)
+    axes.set_ylabel("RMS")
+    axes.grid(axis="y")
+    style.tidy_time_axis(axes, 0, problem.steps)
+    axes.set_xlabel("step k")
+
+
+def modes_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
+    """Mode probabilities of the first run as shades, one row per mode, and the true mode as a line through the rows.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    problem : Problem
+    solution : Solution
+    """
+    chances, truth = solution.arrays["mode_probabilities"], solution.arrays["truth_mode"]
+    names = problem.plant.names
+    edges = np.arange(problem.steps + 2.0) - 0.5
+    picture = axes.pcolormesh(edges, np.arange(len(names) + 1) - 0.5, chances.T, cmap="Blues", vmin=0, vmax=1)
+    axes.step(np.arange(problem.steps + 1), truth, where="mid", color=style.SECOND, linewidth=1.3)
+    axes.set_yticks(range(len(names)), [style.shorten(name, 14) for name in names])
+    if len(names) > 10:
+        axes.tick_params(axis="y", labelsize=8)
+    axes.invert_yaxis()
+    axes.tick_params(axis="y", length=0)
+    axes.figure.colorbar(picture, ax=axes, pad=0.01, aspect=12).outline.set_visible(False)  # type: ignore[union-attr]
+    style.tidy_time_axis(axes, 0, problem.steps)
+    axes.set_xlabel("step k")
+
+
+def sensors_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
+    """Which sensors the first run used, one row per sensor; at the right their share over all runs.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    problem : Problem
+    solution : Solution
+    """
+    schedule = solution.schedule
+    if schedule is None:
+        schedule = Schedule(solution.arrays["edges"], solution.arrays["weights"], tuple(problem.sensors.names))
+    schedule_panel(axes, schedule, shares=False)
+    if len(schedule.names) <= 8:
+        for row, label in enumerate(axes.get_yticklabels()):
+            share = solution.result["use"].get(label.get_text())
+            if share is not None:
+                place = axes.get_yticks()[row]
+                axes.text(1.01, place, f"{100 * share:.3g} %", transform=axes.get_yaxis_transform(), va="center")
+    style.tidy_time_axis(axes, 0, problem.steps)
+    axes.set_xlabel("step k")
+
+
+def use_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
+    """Share of the runs that use each sensor, over time.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    problem : Problem
+    solution : Solution
+    """
+    use, steps = solution.arrays["use"], solution.arrays["times"][1:]
+    for j, (name, colour) in enumerate(
+        zip(problem.sensors.names, style.sensor_colours(problem.sensors.names), strict=True)
+    ):
+        axes.plot(steps, use[:, j], color=colour, linewidth=1.2, label=style.shorten(name))
+    if len(problem.sensors) <= style.MOST_LINES:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), handlelength=1.2)
+    axes.set_ylim(-0.02, 1.02)
+    axes.set_ylabel("share of runs")
+    axes.grid(axis="y")
+    style.tidy_time_axis(axes, 0, problem.steps)
+    axes.set_xlabel("step k")
