@@ -58,8 +58,9 @@ def shown(value: Any) -> str:
 def suggest(word: str, known: Iterable[str]) -> str:
     """'did you mean ..?' for the closest known word, or the list of all."""
     known = list(known)
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else "known: " + ", ".join(known)
+    lower = {name.lower(): name for name in reversed(known)}
+    close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.6)
+    return f"did you mean '{lower[close[0]]}'?" if close else "known: " + ", ".join(known)
 
 
 def spell(path: Sequence[str | int], data: Any = None) -> str:
