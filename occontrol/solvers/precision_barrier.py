@@ -123,7 +123,10 @@ class _Newton:
         FZ = F @ self.inverse
         hessian = ((F @ point.X) @ F.T) * (FZ @ F.T)
         hessian[np.diag_indices_from(hessian)] += point.z / v + point.w / room
-        self.scale = 1.0 / np.sqrt(np.diag(hessian))
+        diagonal = np.diag(hessian)
+        if not (np.all(np.isfinite(diagonal)) and np.all(diagonal > 0)):
+            raise np.linalg.LinAlgError("Newton's matrix is lost in rounding")
+        self.scale = 1.0 / np.sqrt(diagonal)
         hessian = (hessian + hessian.T) / 2 * self.scale * self.scale[:, None]
         self.factor = np.linalg.cholesky(hessian + 1e-15 * np.eye(len(v)))
         self.pull = np.sum(FZ * F, axis=1) + 1 / v - 1 / room
@@ -192,15 +195,15 @@ def barrier(
             break
         try:
             newton = _Newton(form, point)
+            mu = point.complementarity / count
+            predicted = newton.direction(0.0)
+            lengths = min(1.0, predicted.primal), min(1.0, predicted.dual)
+            after = predicted.applied(form, point, *lengths, exact=False).complementarity / count
+            centring = min(1.0, max(after / mu, 1e-4)) ** (3 if min(lengths) > 0.5 else 2)
+            step = newton.direction(centring * mu, predicted)
         except np.linalg.LinAlgError:
             note = "rounding"
             break
-        mu = point.complementarity / count
-        predicted = newton.direction(0.0)
-        primal, dual_length = min(1.0, predicted.primal), min(1.0, predicted.dual)
-        after = predicted.applied(form, point, primal, dual_length, exact=False).complementarity / count
-        centring = min(1.0, max(after / mu, 1e-4)) ** (3 if min(primal, dual_length) > 0.5 else 2)
-        step = newton.direction(centring * mu, predicted)
         safety = 0.9 + 0.08 * min(step.primal, step.dual, 1.0)
         primal, dual_length = min(1.0, safety * step.primal), min(1.0, safety * step.dual)
         point = step.applied(form, point, primal, dual_length)
