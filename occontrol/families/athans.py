@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,9 +26,12 @@ from occontrol.solvers.options import (
 )
 
 if TYPE_CHECKING:
+    from occontrol.core.measurement import Estimate, Measurement
+    from occontrol.core.trajectory import Trajectory
     from occontrol.numerics.sweep import Sweep
     from occontrol.solvers.certificate import Claims
     from occontrol.solvers.relaxed import RelaxedOutcome
+    from occontrol.solvers.tradeoff import Front
 
 Problem = SchedulingProblem
 METHODS: dict[str, type] = {
@@ -322,3 +326,51 @@ def describe(problem: SchedulingProblem) -> list[tuple[str, str]]:
     from occontrol.solvers.inspection import inspect
 
     return inspect(problem)
+
+
+def simulate(problem: SchedulingProblem, solution: Solution, seed: int = 0) -> tuple[list[Measurement], Trajectory]:
+    """A true trajectory of the continuous plant and what the scheduled sensors report of it.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    solution : Solution whose schedule is followed
+    seed : of the random generator
+    """
+    from occontrol.filtering.simulate import simulate as draw
+
+    return draw(problem, _schedule_of(solution), seed)
+
+
+def run_filter(problem: SchedulingProblem, solution: Solution, measurements: Sequence[Measurement]) -> Estimate:
+    """The matched filter and predictor over a list of measurements.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    solution : Solution whose schedule is followed
+    measurements : list of Measurement
+    """
+    from occontrol.filtering.kalman_bucy import run_filter as follow
+
+    return follow(problem, _schedule_of(solution), measurements)
+
+
+def _schedule_of(solution: Solution) -> Schedule:
+    if solution.schedule is None:
+        raise SolveFailed("the solution has no schedule to follow")
+    return solution.schedule
+
+
+def tradeoff(problem: SchedulingProblem, cost_weights: Sequence[float], monitor: Monitor | None = None) -> Front:
+    """Observation cost against prediction error over the cost weight alpha.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    cost_weights : values of alpha
+    monitor : Monitor
+    """
+    from occontrol.solvers.tradeoff import tradeoff as trace
+
+    return trace(problem, cost_weights, monitor)

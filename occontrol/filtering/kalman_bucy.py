@@ -50,8 +50,7 @@ def run_filter(
     steps = [matched.state()]
     for sample in samples:
         steps.append(matched.step(sample))
-    missing = [k for k, sample in enumerate(samples) if len(sample) < len(matched.model.active[k])]
-    notes = _notes(matched.model, missing, samples, steps)
+    notes = _notes(matched.model, steps)
     deviation = np.array([_deviation(s.covariance) for s in steps])
     output = _present_output(problem, steps)
     return Estimate(
@@ -80,14 +79,16 @@ def _present_output(problem: SchedulingProblem, steps: Sequence[Step]) -> tuple[
     return mean, np.array([_deviation(d @ s.covariance @ d.T) for d, s in zip(D, steps, strict=True)])
 
 
-def _notes(model: SampledModel, missing: list[int], samples: list[dict], steps: Sequence[Step]) -> tuple[str, ...]:
+def _notes(model: SampledModel, steps: Sequence[Step]) -> tuple[str, ...]:
     notes = []
-    if missing:
-        lost = sum(len(model.active[k]) - len(samples[k]) for k in missing)
-        planned = sum(len(used) for used in model.active)
+    arrived = np.array([s.dimension for s in steps[1:]])
+    missing = np.flatnonzero(arrived < model.dimension)
+    if len(missing):
+        lost, planned, first = int(np.sum(model.dimension - arrived)), int(np.sum(model.dimension)), missing[0]
         notes.append(
-            f"{lost} of {planned} planned samples are missing, the first over [{model.edges[missing[0]]:g}, "
-            f"{model.edges[missing[0] + 1]:g}]: gains and covariance are computed anew from there"
+            f"{lost} of {planned} planned values are missing, the first over [{model.edges[first]:g}, "
+            f"{model.edges[first + 1]:g}]: the precomputed gains and covariances do not hold from there, "
+            "they were computed anew"
         )
     values = int(sum(s.dimension for s in steps))
     if values:
@@ -109,7 +110,7 @@ def sort_samples(model: SampledModel, measurements: Sequence[Measurement]) -> li
     measurements : in any order
 
     Raises ProblemError: outside the horizon, not at the end of an interval, a sensor that is unknown or not in use
-    then, twice the same, a wrong number of values, values that are not finite.
+    then, twice the same, a wrong number of values, infinite values.
     """
     samples: list[dict[str, np.ndarray]] = [{} for _ in range(model.intervals)]
     found: list[Mistake] = []
@@ -164,10 +165,10 @@ def _check(model: SampledModel, k: int, measurement: Measurement, already: dict)
     if values.shape != (model.rows[j],):
         raise ProblemError(
             f"the sample of sensor '{name}' has {values.size} values, its C has {model.rows[j]} rows",
-            "a sample that is missing is left out of the file",
+            "leave the line of a missing sample out, or its missing value empty",
         )
-    if not np.all(np.isfinite(values)):
-        raise ProblemError(f"the sample of sensor '{name}' is not finite")
+    if np.any(np.isinf(values)):
+        raise ProblemError(f"the sample of sensor '{name}' is infinite")
 
 
 def continuous_gain(

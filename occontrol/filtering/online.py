@@ -160,10 +160,10 @@ class MatchedFilter:
         Parameters
         ----------
         sample : {sensor name: (m,) averages over the interval}; the values alone when one sensor is in use; None, or a
-            sensor left out, when the sample is missing
+            sensor left out, when the sample is missing, and NaN for a single value that is
 
         Returns the Step at the end of the interval. Raises ProblemError for a sensor that is not in use, a wrong
-        number of values, values that are not finite, and beyond the end of the horizon.
+        number of values, infinite values, and beyond the end of the horizon.
         """
         model, k = self.model, self.k
         if self.finished:
@@ -199,7 +199,7 @@ class MatchedFilter:
                 use = ", ".join(self.next_sensor) or "none"
                 raise ProblemError(f"sensor '{name}' is not in use, in use: {use}")
             values = np.atleast_1d(np.asarray(values, dtype=float))
-            if values.shape != (model.rows[j],) or not np.all(np.isfinite(values)):
+            if values.shape != (model.rows[j],) or np.any(np.isinf(values)):
                 raise ProblemError(f"a sample of sensor '{name}' is {model.rows[j]} finite values, not {values}")
             z[places[j]] = values
         return z, np.flatnonzero(np.isfinite(z))
