@@ -12,7 +12,6 @@ The costate travels as Psi = S' P S (see `advance`), which neither overflows nor
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg.lapack import dtrtrs
 
 from occontrol.numerics.gauss import NODES, gauss_nodes, integration_matrix
 from occontrol.numerics.linalg import square_root, symmetrise
@@ -137,9 +136,9 @@ def advance(root: np.ndarray, F: np.ndarray, gamma: np.ndarray, driven: np.ndarr
     """
     n = len(root)
     upper = np.linalg.qr(np.concatenate([np.eye(n), gamma @ root]), mode="r")
-    reduced = dtrtrs(upper, root.T, trans=1)[0]
+    reduced = np.linalg.solve(upper.T, root.T)
     orthogonal, following = np.linalg.qr(np.concatenate([reduced @ F.T, driven.T]))
-    return following.T, dtrtrs(upper, orthogonal[:n])[0]
+    return following.T, np.linalg.solve(upper, orthogonal[:n])
 
 
 def closed_loop_transition(covariance: np.ndarray, F: np.ndarray, gamma: np.ndarray) -> np.ndarray:
