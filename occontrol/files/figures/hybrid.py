@@ -16,6 +16,7 @@ from occontrol.files.figures import style
 from occontrol.files.figures.panels import schedule_panel
 
 MOST_MARKS = 60
+MODES_TITLE = "run 1: the more probable a mode the darker; line: the true mode"
 
 
 def draw(problem: Problem, solution: Solution) -> dict[str, Figure]:
@@ -33,7 +34,7 @@ def draw(problem: Problem, solution: Solution) -> dict[str, Figure]:
         for name, size, panel, title in (
             ("trajectory", (9, 6.5), trajectory_panel, "run 1: truth and estimate"),
             ("rms", (10, 4.5), rms_panel, _counted(solution)),
-            ("modes", (10, 4.5), modes_panel, "run 1: probability of each mode; line: the true mode"),
+            ("modes", (10, 4.5), modes_panel, MODES_TITLE),
         ):
             figure = style.new_figure(size, problem.name, title)
             panel(figure.subplots(), problem, solution)
@@ -42,6 +43,8 @@ def draw(problem: Problem, solution: Solution) -> dict[str, Figure]:
         upper, lower = figure.subplots(2, 1, sharex=True)
         sensors_panel(upper, problem, solution)
         use_panel(lower, problem, solution)
+        upper.set_xlabel("")
+        upper.tick_params(labelbottom=False)
         figures["sensors"] = figure
         return figures
 
@@ -60,8 +63,17 @@ def draw_compare(problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
         figure = style.new_figure((13.33, 6.5), problem.name, text)
         left, middle, right = figure.subplots(1, 3, width_ratios=[2.2, 1, 1])
         colours = [style.PALETTE[i % len(style.PALETTE)] for i in range(len(solutions))]
-        for colour, (name, solution) in zip(colours, solutions.items(), strict=True):
-            left.plot(solution.arrays["times"][1:], solution.arrays["rms"], color=colour, label=_label(name, solution))
+        for i, (name, solution) in enumerate(solutions.items()):
+            # every other curve is dashed, so that one which coincides with its neighbour still shows
+            dashes, label = ("-", "--")[i % 2], _label(name, solution)
+            left.plot(
+                solution.arrays["times"][1:],
+                solution.arrays["rms"],
+                dashes,
+                color=colours[i],
+                label=label,
+                zorder=3 + i % 2,
+            )
         left.set_title("RMS position error over time")
         left.set_ylim(bottom=0)
         left.grid(axis="y")
@@ -107,7 +119,7 @@ def _overview(problem: Problem, solution: Solution) -> Figure:
         panel(axes, problem, solution)
     panels[0].set_title("run 1: truth and estimate")
     panels[1].set_title(_counted(solution))
-    panels[2].set_title("run 1: probability of each mode; line: the true mode")
+    panels[2].set_title(MODES_TITLE)
     panels[3].set_title("run 1: the sensors in use, and their share over all runs")
     for axes in panels[1:3]:
         axes.set_xlabel("")
@@ -186,9 +198,7 @@ def rms_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     axes.plot(steps, rms, color=style.ACCENT)
     average = float(solution.result["average_rms"])
     axes.axhline(average, color=style.GREY, linewidth=1, linestyle="--")
-    axes.annotate(
-        f"average {average:.3g}", (problem.steps, average), textcoords="offset points", xytext=(-4, 4), ha="right"
-    )
+    axes.text(1.01, average, f"average\n{average:.3g}", transform=axes.get_yaxis_transform(), va="center", fontsize=10)
     axes.set_ylim(0, None)
     axes.set_ylabel("RMS")
     axes.grid(axis="y")
@@ -208,14 +218,13 @@ def modes_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     chances, truth = solution.arrays["mode_probabilities"], solution.arrays["truth_mode"]
     names = problem.plant.names
     edges = np.arange(problem.steps + 2.0) - 0.5
-    picture = axes.pcolormesh(edges, np.arange(len(names) + 1) - 0.5, chances.T, cmap="Blues", vmin=0, vmax=1)
+    axes.pcolormesh(edges, np.arange(len(names) + 1) - 0.5, chances.T, cmap="Blues", vmin=0, vmax=1)
     axes.step(np.arange(problem.steps + 1), truth, where="mid", color=style.SECOND, linewidth=1.3)
     axes.set_yticks(range(len(names)), [style.shorten(name, 14) for name in names])
     if len(names) > 10:
         axes.tick_params(axis="y", labelsize=8)
     axes.invert_yaxis()
     axes.tick_params(axis="y", length=0)
-    axes.figure.colorbar(picture, ax=axes, pad=0.01, aspect=12).outline.set_visible(False)  # type: ignore[union-attr]
     style.tidy_time_axis(axes, 0, problem.steps)
     axes.set_xlabel("step k")
 
