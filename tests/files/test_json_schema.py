@@ -1,0 +1,27 @@
+"""The JSON Schemas that the package ships are those of the documents."""
+
+import json
+
+import pytest
+
+from occontrol.files.schema import json_schema
+from occontrol.files.schema.matrices import LARGEST
+
+
+@pytest.mark.parametrize("family", json_schema.families())
+def test_shipped_schema_is_up_to_date(family):
+    shipped = json.loads(json_schema.shipped(family).read_text(encoding="utf-8"))
+    assert shipped == json_schema.json_schema(family), "run: python -m occontrol.files.schema"
+    assert shipped["additionalProperties"] is False and "family" in shipped["required"]
+
+
+def test_athans_in_detail():
+    schema = json_schema.json_schema("athans")
+    assert set(schema["required"]) == {"family", "horizon", "plant", "sensors", "objective"}
+    names, *options = schema["properties"]["method"]["anyOf"]
+    assert names["enum"][0] == "schedule" and {"relaxed", "hminimal", "greedy"} <= set(names["enum"])
+    relaxed = next(form for form in options if form["properties"]["name"] == {"const": "relaxed"})
+    assert relaxed["properties"]["relative_gap"]["type"] == "number" and relaxed["additionalProperties"] is False
+    matrix = schema["$defs"]["Plant"]["properties"]["A"]["anyOf"]
+    assert {"identity", "scale"} == set(next(f for f in matrix if f.get("title") == "identity")["properties"])
+    assert LARGEST == next(f for f in matrix if f.get("title") == "identity")["properties"]["identity"]["maximum"]
