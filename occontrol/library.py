@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import inspect
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.schedule import Schedule
+    from occontrol.solvers.certificate import Claims
 
 
 def suggest(name: str, known: Iterable[str]) -> str:
@@ -83,18 +85,19 @@ def solve(problem: Any, method: Any = None, monitor: Monitor | None = None) -> S
     return dataclasses.replace(solution, problem=problem)
 
 
-def certify(problem: Any, schedule: Schedule) -> Solution:
+def certify(problem: Any, schedule: Schedule, claims: Claims | None = None) -> Solution:
     """Cost, lower bound and gap of a schedule that anybody wrote, all recomputed.
 
     Parameters
     ----------
-    problem : a problem whose family proves bounds (athans)
+    problem : a problem whose family proves bounds
     schedule : Schedule, for example from `read_schedule`
+    claims : the cost and bound that somebody states for it; a wrong one makes the status `disagrees`
 
     Raises UsageError for families without bounds.
     """
-    solution = _ability(problem, "certify", "certify schedules")(problem, schedule)
-    return dataclasses.replace(solution, problem=problem) if isinstance(solution, Solution) else solution
+    judge = _ability(problem, "certify", "certify schedules")
+    return judge(problem, schedule) if claims is None else judge(problem, schedule, claims)
 
 
 def simulate(problem: Any, solution: Solution | None, seed: int = 0) -> tuple[list[Measurement], Any]:
@@ -111,7 +114,7 @@ def simulate(problem: Any, solution: Solution | None, seed: int = 0) -> tuple[li
     return _ability(problem, "simulate", "simulate measurements")(problem, solution, seed)
 
 
-def run_filter(problem: Any, solution: Solution, measurements: Sequence[Measurement]) -> Estimate:
+def run_filter(problem: Any, solution: Solution, measurements: Sequence[Measurement], **options: Any) -> Estimate:
     """The estimate that the schedule's filter makes of measurements.
 
     Parameters
@@ -119,10 +122,31 @@ def run_filter(problem: Any, solution: Solution, measurements: Sequence[Measurem
     problem : the problem
     solution : Solution whose schedule and gains are used
     measurements : list of Measurement
+    options : of the family's filter, such as model="exact" (athans, for coarse grids)
 
-    Raises UsageError for families without such a filter, ProblemError when the measurements do not fit the schedule.
+    Raises UsageError for families without such a filter or option, ProblemError when the measurements do not fit.
     """
-    return _ability(problem, "run_filter", "filter a measurement file")(problem, solution, measurements)
+    function = _ability(problem, "run_filter", "filter a measurement file")
+    known = inspect.signature(function).parameters
+    for name in options:
+        if name not in known:
+            raise UsageError(f"the filter of family {problem.family} has no option '{name}'")
+    return function(problem, solution, measurements, **options)
+
+
+def tradeoff(problem: Any, cost_weights: Sequence[float], monitor: Monitor | None = None) -> Any:
+    """The front of observation cost against prediction error over the cost weight alpha.
+
+    Parameters
+    ----------
+    problem : a problem whose family proves bounds (athans)
+    cost_weights : values of alpha
+    monitor : Monitor to watch and stop the work, optional
+
+    Returns a Front. Raises UsageError for families without such a trade-off.
+    """
+    what = "trade observation cost against prediction error"
+    return _ability(problem, "tradeoff", what)(problem, cost_weights, monitor)
 
 
 def plot(solution: Solution, problem: Any = None, figure: str | None = None) -> dict[str, Figure] | Figure:

@@ -2,30 +2,91 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from occontrol.cli.export import RunFolder
 from occontrol.cli.output import note
 
+if TYPE_CHECKING:
+    from occontrol.core.trajectory import Trajectory
+
 
 def filter_measurements(
     run: RunFolder,
     measurements: Annotated[Path, typer.Argument(metavar="MEASUREMENTS", help="Measurement file.", show_default=False)],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="CSV", help="File to write.", show_default=False)],
+    model: Annotated[
+        str | None,
+        typer.Option("--model", help="split: the schedule's own [default]; exact: for coarse grids (athans)."),
+    ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option("--truth", metavar="CSV", help="True states [default: MEASUREMENTS' name.truth.csv, if there]."),
+    ] = None,
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw pictures beside the CSV.")] = True,
 ) -> int:
-    """Estimate the state, and predict the output, from a file of measurements."""
+    """Estimate the state, and predict the output, from a file of measurements; the run folder is all it needs."""
+    from occontrol.core.errors import ProblemError
     from occontrol.files.data_files import read_measurements
     from occontrol.files.run_folder import read_run
     from occontrol.files.tables import write_estimate
+    from occontrol.files.truth_file import read_truth
     from occontrol.library import run_filter
 
     problem, solution = read_run(run)
-    estimate = run_filter(problem, solution, read_measurements(measurements, problem))
+    samples = read_measurements(measurements, problem)
+    options = {} if model is None else {"model": model}
+    try:
+        estimate = run_filter(problem, solution, samples, **options)
+    except ProblemError as error:
+        raise ProblemError([_in_file(m, measurements) for m in error.mistakes]) from None
+    beside = measurements.with_name(measurements.stem + ".truth.csv")
+    source = truth or (beside if beside.exists() else None)
+    known = None if source is None else read_truth(source, estimate.times, estimate.mean.shape[1])
     write_estimate(out, estimate)
     for remark in estimate.notes:
         note(remark)
-    note(f"{len(estimate.times)} estimates in {out}")
+    if known is not None:
+        note(_truth_remark(estimate, known, source))
+    written = _draw(problem, solution, estimate, known, out) if figures else []
+    note(f"{len(estimate.times)} estimates in {out}" + (f", pictures in {', '.join(written)}" if written else ""))
     return 0
+
+
+def _in_file(mistake: Any, file: Path) -> Any:
+    """A mistake of the filter, with the file's name before its line."""
+    if mistake.place.startswith("line "):
+        return replace(mistake, place=f"{file}:{mistake.place[5:]}")
+    return replace(mistake, place=mistake.place or str(file))
+
+
+def _truth_remark(estimate: Any, truth: Trajectory, source: Any) -> str:
+    from occontrol.filtering.consistency import judge_run
+
+    judged = judge_run(estimate, truth)
+    low, high = judged.nees_band
+    return (
+        f"NEES against {source}: {float(judged.average_nees.mean()):.4g} per state on average, "
+        f"inside the 99 % band [{low:.3g}, {high:.3g}] of a single time at {100 * judged.nees_inside:.0f} % of the times"
+    )
+
+
+def _draw(problem: Any, solution: Any, estimate: Any, truth: Trajectory | None, out: Path) -> list[str]:
+    from occontrol.files.figures import save
+    from occontrol.files.figures.estimates import draw
+
+    try:
+        drawn = draw(problem, solution, estimate, truth)
+    except (ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RuntimeError) as error:
+        note(f"the pictures could not be drawn: {type(error).__name__}: {error}")
+        return []
+    names = []
+    for name, figure in drawn.items():
+        path = out.with_name(f"{out.stem}.{name}.png")
+        save(figure, path)
+        names.append(path.name)
+    return names

@@ -15,6 +15,9 @@ class Monitor:
     ----------
     show : called with every record {iteration, cost, lower_bound, seconds, stage, ...}; draws the progress
     time_limit : seconds after which `stop` becomes true; None is never
+    started : time.perf_counter() at the start
+    history : the records so far
+    stage : what is being done, in a word
     interrupted : set by a signal handler (to the signal's number); the solver returns its best so far
     """
 

@@ -116,7 +116,7 @@ class Sensor:
 
 
 def idle_sensor(states: int) -> Sensor:
-    """The sensor that measures nothing and costs nothing (L = 0, q = 0)."""
+    """The sensor that measures nothing and costs nothing (L = 0, q = 0), for a plant with that many `states`."""
     return Sensor(IDLE, ConstantSignal(np.zeros((0, states))), ConstantSignal(np.zeros((0, 0))))
 
 

@@ -58,7 +58,13 @@ _TEXT = {
 
 @dataclass(frozen=True)
 class Certificate:
-    """A cost and a proven lower bound on the optimal cost."""
+    """A cost and a proven lower bound on the optimal cost.
+
+    Parameters
+    ----------
+    cost : J of the policy, in cost units
+    lower_bound : no policy of the same problem costs less
+    """
 
     cost: float
     lower_bound: float

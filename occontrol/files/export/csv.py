@@ -17,7 +17,7 @@ from occontrol.core.solution import Solution
 from occontrol.files.tables import write_table
 
 FILE_NAMES = {"gain": "gains", "continuous_gain": "continuous_gains"}
-PER_SENSOR = ("weights", "switching")
+PER_SENSOR = ("weights", "relaxed_weights", "switching")
 
 
 def write(problem: Any, solution: Solution, target: Path) -> list[Path]:

@@ -1,0 +1,77 @@
+"""Docstrings are kept true: every public name has one, and what the library hands out explains every parameter."""
+
+from __future__ import annotations
+
+import ast
+import enum
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+
+import occontrol
+
+PACKAGE = Path(occontrol.__file__).parent
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def public_definitions(tree: ast.Module) -> list[ast.FunctionDef | ast.ClassDef]:
+    return [n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and not n.name.startswith("_")]
+
+
+@pytest.mark.parametrize("path", FILES, ids=[str(p.relative_to(PACKAGE)) for p in FILES])
+def test_modules_and_public_definitions_say_what_they_are(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    missing = [] if not tree.body or ast.get_docstring(tree) else ["the module"]
+    documents = "schema" in path.parts  # its classes are the keys of a problem file, described field by field
+    for node in public_definitions(tree):
+        if not ast.get_docstring(node) and not (documents and isinstance(node, ast.ClassDef)):
+            missing.append(node.name)
+    assert not missing, f"no docstring: {', '.join(missing)}"
+
+
+def unexplained(thing: object) -> list[str]:
+    """Parameters of a function, or of a class's constructor, that its docstring never names."""
+    text = inspect.getdoc(thing) or ""
+    parameters = [p for p in inspect.signature(thing).parameters.values() if not p.name.startswith("_")]  # type: ignore[arg-type]
+    return [p.name for p in parameters if not re.search(rf"\b{p.name}\b", text)]
+
+
+@pytest.mark.parametrize("name", occontrol.__all__)
+def test_the_docstring_of_a_public_name_mentions_every_parameter(name: str) -> None:
+    thing = getattr(occontrol, name)
+    if inspect.isclass(thing) and issubclass(thing, Exception | enum.Enum):
+        assert inspect.getdoc(thing)
+        return
+    assert not unexplained(thing), f"{name}: {unexplained(thing)}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=[str(p.relative_to(PACKAGE)) for p in FILES])
+def test_a_parameter_section_names_nothing_that_is_not_there(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef):
+            stale = described(ast.get_docstring(node) or "") - {
+                a.arg for a in ast.walk(node.args) if isinstance(a, ast.arg)
+            }
+            assert not stale, f"{path.name}:{node.lineno} {node.name} explains {sorted(stale)}, which it does not take"
+
+
+def described(text: str) -> set[str]:
+    """The names before the colons of a docstring's parameter section."""
+    if "Parameters\n----------\n" not in text:
+        return set()
+    section = text.split("Parameters\n----------\n", 1)[1]
+    section = re.split(r"\n\n|\n\w+\n-+\n", section)[0]
+    heads = [m[1] for line in section.splitlines() if (m := re.match(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*) : ", line))]
+    return {name.lstrip("*") for head in heads for name in head.split(", ")}
+
+
+def test_the_check_can_fail() -> None:
+    def solve(problem: int, speed: int) -> None:
+        """Solve a problem."""
+
+    assert unexplained(solve) == ["speed"]
+    assert described(
+        "Solve.\n\nParameters\n----------\nx, y : numbers\nz : (N,)\n    more: of it\n\nRaises: no"
+    ) == set("xyz")
