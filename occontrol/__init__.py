@@ -34,7 +34,18 @@ if TYPE_CHECKING:
     from occontrol.files.export import export_run
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import read_run, write_run
-    from occontrol.library import certify, plot, run_filter, simulate, solve
+    from occontrol.filtering.online import MatchedFilter
+    from occontrol.library import certify, plot, run_filter, simulate, solve, tradeoff
+    from occontrol.solvers.options import (
+        BestSingle,
+        Collocation,
+        Greedy,
+        HMinimal,
+        Random,
+        Relaxed,
+        RelaxRoundPolish,
+        RoundRobin,
+    )
 
 # module: the public names that it holds
 _HOME = {
@@ -54,7 +65,18 @@ _HOME = {
     "core.sensor": ("Sensor", "SensorSuite", "idle_sensor"),
     "core.solution": ("Solution", "Certificate", "Status"),
     "core.trajectory": ("Trajectory",),
-    "library": ("solve", "certify", "simulate", "run_filter", "plot"),
+    "library": ("solve", "certify", "simulate", "run_filter", "tradeoff", "plot"),
+    "filtering.online": ("MatchedFilter",),
+    "solvers.options": (
+        "RelaxRoundPolish",
+        "HMinimal",
+        "Relaxed",
+        "Collocation",
+        "BestSingle",
+        "RoundRobin",
+        "Random",
+        "Greedy",
+    ),
     "files.problem_file": ("read_problem",),
     "files.data_files": ("read_schedule", "read_measurements"),
     "files.run_folder": ("read_run", "write_run"),
@@ -63,15 +85,24 @@ _HOME = {
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
+    "BestSingle",
     "Certificate",
+    "Collocation",
     "Estimate",
     "FileAccessError",
+    "Greedy",
+    "HMinimal",
     "InfeasibleError",
     "LinearPlant",
+    "MatchedFilter",
     "Measurement",
     "Monitor",
     "OccontrolError",
     "ProblemError",
+    "Random",
+    "RelaxRoundPolish",
+    "Relaxed",
+    "RoundRobin",
     "Schedule",
     "SchedulingProblem",
     "Sensor",
@@ -92,6 +123,7 @@ __all__ = [
     "run_filter",
     "simulate",
     "solve",
+    "tradeoff",
     "write_run",
 ]
 

@@ -40,7 +40,12 @@ def choose_method(problem: Any, name: str) -> Any:
 
     Raises UsageError for an unknown name.
     """
-    methods = family_module(problem.family).METHODS
+    module = family_module(problem.family)
+    methods = module.METHODS
+    # some families have names that carry an argument, such as fixed:radar
+    special = module.method_named(problem, name) if hasattr(module, "method_named") else None
+    if special is not None:
+        return special
     if name not in methods:
         raise UsageError(f"family {problem.family} has no method '{name}'\n  hint: {suggest(name, methods)}")
     own = getattr(problem, "method", None)

@@ -26,7 +26,6 @@ def compare(
     from occontrol.cli.watch import exit_code, watched
     from occontrol.core.errors import SolveFailed
     from occontrol.core.monitor import Monitor
-    from occontrol.families import family_module
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import check_writable
     from occontrol.library import choose_method
@@ -35,7 +34,7 @@ def compare(
     problem = read_problem(file)
     check_writable(folder)
     names = (
-        list(family_module(problem.family).COMPARE)
+        _default_names(problem)
         if methods is None
         else [m.strip() for m in methods.split(",") if m.strip()]
     )
@@ -64,6 +63,13 @@ def compare(
         if solutions:
             _write(folder, problem, solutions, rows, quiet=json)
     return exit_code(monitor, 0 if solutions else 6)
+
+
+def _default_names(problem: Any) -> list[str]:
+    from occontrol.families import family_module
+
+    module = family_module(problem.family)
+    return list(module.compare_names(problem) if hasattr(module, "compare_names") else module.COMPARE)
 
 
 def comparison(solutions: dict[str, Solution]) -> list[dict[str, Any]]:
