@@ -70,8 +70,8 @@ def _truth_remark(estimate: Any, truth: Trajectory, source: Any) -> str:
     judged = judge_run(estimate, truth)
     low, high = judged.nees_band
     return (
-        f"NEES against {source}: {float(judged.average_nees.mean()):.4g} per state on average, "
-        f"inside the 99 % band [{low:.3g}, {high:.3g}] of a single time at {100 * judged.nees_inside:.0f} % of the times"
+        f"NEES against {source}: {float(judged.average_nees.mean()):.4g} per state on average; the 99 % band of a "
+        f"single time is [{low:.3g}, {high:.3g}], {100 * judged.nees_inside:.0f} % of the times lie inside"
     )
 
 

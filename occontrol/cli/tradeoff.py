@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from occontrol.cli.output import print_json
-from occontrol.cli.solve import JsonFlag, ProblemFile
+from occontrol.cli.output import number, percent, print_json, print_table
+from occontrol.cli.solve import JsonFlag, ProblemFile, default_folder
 
 
 def tradeoff(
@@ -20,23 +20,46 @@ def tradeoff(
         Path | None, typer.Option("--out", "-o", help="Folder [default: runs/FILE's name-tradeoff].")
     ] = None,
     json: JsonFlag = False,
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the figures.")] = True,
 ) -> int:
     """Solve over a range of cost weights alpha: what a better prediction costs."""
     from occontrol.cli.watch import exit_code, watched
-    from occontrol.core.errors import UsageError
-    from occontrol.families import family_module
+    from occontrol.files.front_folder import write_front
     from occontrol.files.problem_file import read_problem
+    from occontrol.files.run_folder import check_writable
+    from occontrol.library import tradeoff as trace
 
     values = spaced(weights)
+    folder = default_folder(file).with_name(file.stem + "-tradeoff") if out is None else out
     problem = read_problem(file)
-    module = family_module(problem.family)
-    if not hasattr(module, "tradeoff"):
-        raise UsageError(f"family {problem.family} has no trade-off between observation cost and prediction error")
+    check_writable(folder)
     with watched() as monitor:
-        front = module.tradeoff(problem, values, monitor)
+        front = trace(problem, values, monitor)
+    content = front.as_dict()
+    write_front(folder, front, content, figures)
     if json:
-        print_json(front)
-    return exit_code(monitor, 0)
+        print_json(content)
+    else:
+        _print(content)
+        print(f"written  {folder}/")
+    return exit_code(monitor, front.status.exit_code)
+
+
+def _print(content: dict) -> None:
+    headers = ("alpha", "observation cost", "error", "cost", "lower bound", "gap", "switches")
+    rows = [
+        (
+            number(p["cost_weight"], 4),
+            number(p["observation_cost"], 6),
+            number(p["error"], 6),
+            number(p["cost"]),
+            number(p["lower_bound"]),
+            percent(p["relative_gap"]),
+            str(p["switches"]),
+        )
+        for p in content["points"]
+    ]
+    print_table(headers, rows, right=range(len(headers)))
 
 
 def spaced(text: str) -> list[float]:

@@ -342,7 +342,9 @@ def simulate(problem: SchedulingProblem, solution: Solution, seed: int = 0) -> t
     return draw(problem, _schedule_of(solution), seed)
 
 
-def run_filter(problem: SchedulingProblem, solution: Solution, measurements: Sequence[Measurement]) -> Estimate:
+def run_filter(
+    problem: SchedulingProblem, solution: Solution, measurements: Sequence[Measurement], model: str = "split"
+) -> Estimate:
     """The matched filter and predictor over a list of measurements.
 
     Parameters
@@ -350,10 +352,11 @@ def run_filter(problem: SchedulingProblem, solution: Solution, measurements: Seq
     problem : SchedulingProblem
     solution : Solution whose schedule is followed
     measurements : list of Measurement
+    model : "split", whose covariance is the schedule's, or "exact", for coarse grids
     """
     from occontrol.filtering.kalman_bucy import run_filter as follow
 
-    return follow(problem, _schedule_of(solution), measurements)
+    return follow(problem, _schedule_of(solution), measurements, model)
 
 
 def _schedule_of(solution: Solution) -> Schedule:

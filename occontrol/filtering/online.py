@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occontrol.core.errors import ProblemError
+from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.schedule import Schedule
 from occontrol.core.scheduling import SchedulingProblem
 from occontrol.filtering.predictor import Predictor, make_predictor
@@ -120,6 +120,8 @@ class MatchedFilter:
         model: str | SampledModel = "split",
         plan: Plan | None = None,
     ):
+        if isinstance(model, str) and model not in MODELS:
+            raise UsageError(f"there is no filter model '{model}'\n  hint: there are: {', '.join(MODELS)}")
         self.model = MODELS[model](problem, schedule) if isinstance(model, str) else model
         self.plan = plan or make_plan(self.model)
         self.predictor: Predictor = make_predictor(problem, self.model)

@@ -2,7 +2,7 @@
 
 For each alpha the relaxation is solved, started from its neighbour's answer, rounded and polished. A policy found for
 one alpha is a policy for all of them, so each alpha finally takes the best of all that were found: observation cost q
-then falls and error e rises with alpha, along a convex curve. Every bound L(alpha) holds for every schedule on the grid,
+then falls and error e rises with alpha, on a convex curve. Every bound L(alpha) holds for every schedule on the grid,
     e >= L(alpha) - alpha q,
 so the upper envelope of these lines lies below any point (q, e) that a schedule can reach.
 Athans (1971), sections 1 and 8.

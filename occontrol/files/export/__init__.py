@@ -14,6 +14,8 @@ from occontrol.core.errors import FileAccessError, UsageError
 FORMATS = {
     "csv": "csv",
     "json": "export.json",
+    "npz": "export.npz",
+    "mat": "export.mat",
 }
 
 

@@ -1,4 +1,4 @@
-"""One JSON file: names, result, schedule and every array of a run (times, gains, covariance, F and Q if there)."""
+"""One JSON file: names, result, schedule, every array of a run (times, gains, covariance), the filter's tables."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from occontrol.core.solution import Solution
+from occontrol.files.export.contents import filter_arrays
 from occontrol.files.plain_json import to_json
 
 
@@ -26,6 +27,7 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
         "schedule": solution.result.get("schedule"),
         "result": {key: value for key, value in solution.result.items() if key != "schedule"},
         "arrays": dict(solution.arrays),
+        "filter": filter_arrays(problem, solution),
     }
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(to_json(content), encoding="utf-8")

@@ -1,0 +1,29 @@
+"""One .npz file: the arrays of the run, the tables of the filter as filter_*, names as text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.solution import Solution
+from occontrol.files.export.contents import filter_arrays
+
+
+def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
+    """Write one .npz file without pickles.
+
+    Parameters
+    ----------
+    problem : the problem
+    solution : Solution
+    target : the file
+    """
+    names = getattr(getattr(problem, "sensors", None), "names", [])
+    content = {**solution.arrays, "sensors": np.array(list(names), dtype=np.str_)}
+    content |= {f"filter_{name}": value for name, value in filter_arrays(problem, solution).items()}
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with open(target, "wb") as file:
+        np.savez_compressed(file, **content)  # type: ignore[arg-type]
+    return [target]

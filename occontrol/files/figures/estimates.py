@@ -1,0 +1,160 @@
+"""Pictures of a filter run: states with their bands, the prediction of w closing in, NIS and NEES."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from occontrol.core.measurement import Estimate
+from occontrol.core.plant import state_names
+from occontrol.core.schedule import Schedule
+from occontrol.core.solution import Solution
+from occontrol.core.trajectory import Trajectory
+from occontrol.files.figures import style
+
+MOST_STATES = 8
+MOST_OUTPUTS = 4
+GROUPS = 60  # points of the averaged NIS
+
+
+def draw(problem, solution: Solution, estimate: Estimate, truth: Trajectory | None = None) -> dict[str, Figure]:
+    """Every figure of one filter run.
+
+    Parameters
+    ----------
+    problem : the problem that the run belongs to
+    solution : Solution whose schedule was followed
+    estimate : Estimate, one row per node
+    truth : true states at the same times, where they are known
+
+    Returns estimates, prediction (where the family predicts) and consistency.
+    """
+    with style.house_style():
+        figures = {"estimates": _estimates(problem, solution.schedule, estimate, truth)}
+        if estimate.predicted.shape[1]:
+            figures["prediction"] = _prediction(problem, solution.schedule, estimate, truth)
+        figures["consistency"] = _consistency(problem, estimate, truth)
+        return figures
+
+
+def _estimates(problem, schedule: Schedule | None, estimate: Estimate, truth: Trajectory | None) -> Figure:
+    """Error with a known truth, the estimate itself otherwise, each with +-2 sigma."""
+    n = estimate.mean.shape[1]
+    shown = min(n, MOST_STATES)
+    columns = 2 if shown > 3 else 1
+    rows = int(np.ceil(shown / columns))
+    what = "error of the estimate" if truth is not None else "estimate"
+    subtitle = f"{what} with its ±2σ band" + (f"; the first {shown} of {n} states" if shown < n else "")
+    figure = style.new_figure((13.33, min(9.0, 2.0 + 1.75 * rows)), problem.name, subtitle)
+    panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True)).reshape(rows, columns).T.ravel()
+    for i, axes in enumerate(panels):
+        if i >= shown:
+            axes.set_visible(False)
+            continue
+        band = 2 * estimate.standard_deviation[:, i]
+        if truth is None:
+            middle, line = estimate.mean[:, i], estimate.mean[:, i]
+        else:
+            middle, line = np.zeros(len(band)), estimate.mean[:, i] - truth.values[:, i]
+        axes.fill_between(estimate.times, middle - band, middle + band, color=style.PALETTE[4], alpha=0.35, lw=0)
+        axes.plot(estimate.times, line, color=style.ACCENT, lw=1.2)
+        if truth is not None:
+            axes.axhline(0, color=style.GREY, lw=0.6)
+        axes.set_ylabel(("error of " if truth is not None else "") + state_names(n)[i])
+        _zoom(axes, middle, band)
+        _passes(axes, problem, schedule)
+        last = i == shown - 1 or (i + 1) % rows == 0
+        style.tidy_time_axis(axes, float(estimate.times[0]), float(estimate.times[-1]), label=last)
+    return figure
+
+
+def _zoom(axes: Axes, middle: np.ndarray, band: np.ndarray) -> None:
+    """The vertical axis after the first transient: a wide start would flatten all that follows."""
+    settled = float(np.quantile(band, 0.8))
+    if np.max(band) > 8 * settled > 0:
+        low, high = np.min(middle - settled), np.max(middle + settled)
+        room = 0.6 * (high - low)
+        axes.set_ylim(low - room, high + room)
+
+
+def _passes(axes: Axes, problem, schedule: Schedule | None) -> None:
+    """Pale stripes where some sensor with windows may be used, ticks where one is in use."""
+    sensors = getattr(problem, "sensors", ())
+    windows = [w for s in sensors for w in (getattr(s, "windows", None) or ())]
+    for start, end in windows:
+        axes.axvspan(start, end, color=style.PALE, lw=0, zorder=0)
+    if schedule is None or not windows:
+        return
+    colours = style.sensor_colours(schedule.names)
+    for j, sensor in enumerate(sensors):
+        if getattr(sensor, "windows", None) is None:
+            continue
+        used = schedule.weights[:, j] > 0.5
+        for k in np.flatnonzero(used):
+            span = schedule.edges[k], schedule.edges[k + 1]
+            axes.axvspan(*span, ymin=0, ymax=0.06, color=colours[j], lw=0)
+
+
+def _prediction(problem, schedule: Schedule | None, estimate: Estimate, truth: Trajectory | None) -> Figure:
+    """The prediction of w(Tp) as it was made at every time, with its band, about the last one."""
+    p = estimate.predicted.shape[1]
+    shown = min(p, MOST_OUTPUTS)
+    at = getattr(problem, "predict_at", estimate.times[-1])
+    subtitle = f"w at t = {at:g} as predicted at time t: deviation from the last prediction with its ±2σ band"
+    figure = style.new_figure((13.33, min(9.0, 2.2 + 2.0 * shown)), problem.name, subtitle)
+    panels = np.atleast_1d(figure.subplots(shown, 2, sharex=True, width_ratios=[1.7, 1])).reshape(shown, 2)
+    for i, (left, right) in enumerate(panels):
+        deviation = estimate.predicted_deviation[:, i]
+        middle = estimate.predicted[:, i] - estimate.predicted[-1, i]
+        band = 2 * deviation
+        left.fill_between(estimate.times, middle - band, middle + band, color=style.PALETTE[5], alpha=0.35, lw=0)
+        left.plot(estimate.times, middle, color=style.SECOND, lw=1.3)
+        left.axhline(0, color=style.GREY, lw=0.6)
+        _zoom(left, middle * 0, band)
+        left.set_ylabel(f"w{i + 1} − last")
+        _passes(left, problem, schedule)
+        note = f"last: {estimate.predicted[-1, i]:.4g} ± {2 * deviation[-1]:.2g}"
+        left.annotate(note, (0.99, 0.93), xycoords="axes fraction", ha="right", va="top", fontsize=10)
+        right.plot(estimate.times, deviation, color=style.SECOND)
+        if np.min(deviation) > 0 and np.max(deviation) > 20 * np.min(deviation):
+            right.set_yscale("log")
+        else:
+            right.set_ylim(bottom=0)
+        right.set_ylabel(f"σ of w{i + 1}")
+        right.grid(axis="y")
+        _passes(right, problem, schedule)
+        for axes in (left, right):
+            style.tidy_time_axis(axes, float(estimate.times[0]), float(estimate.times[-1]), label=i == shown - 1)
+    return figure
+
+
+def _consistency(problem, estimate: Estimate, truth: Trajectory | None) -> Figure:
+    """NIS averaged over groups of samples and, with a truth, NEES at every time; each with its 99 % band."""
+    from occontrol.filtering.consistency import average_band, judge_run
+
+    subtitle = "filter consistency: 1 is right; 99 % of the points belong into the band"
+    figure = style.new_figure((13.33, 4.2 if truth is None else 6.5), problem.name, subtitle)
+    panels = np.atleast_1d(figure.subplots(1 if truth is None else 2, 1, sharex=True))
+    used = np.flatnonzero(estimate.dimension > 0)
+    groups = np.array_split(used, min(GROUPS, max(1, len(used) // 3))) if len(used) else []
+    if groups:
+        degrees = np.array([np.sum(estimate.dimension[g]) for g in groups])
+        value = np.array([np.sum(estimate.nis[g]) for g in groups]) / degrees
+        bands = np.array([average_band(d) for d in degrees])
+        at = np.array([np.mean(estimate.times[g]) for g in groups])
+        panels[0].fill_between(at, bands[:, 0], bands[:, 1], color=style.PALE, step="mid", lw=0)
+        panels[0].plot(at, value, "o", color=style.ACCENT, ms=4)
+    panels[0].set_ylabel("NIS per value")
+    if truth is not None:
+        judged = judge_run(estimate, truth)
+        low, high = judged.nees_band
+        panels[1].axhspan(low, high, color=style.PALE, lw=0)
+        panels[1].plot(judged.times, judged.average_nees, color=style.SECOND, lw=1.2)
+        panels[1].set_ylabel("NEES per state")
+    for i, axes in enumerate(panels):
+        axes.axhline(1, color=style.GREY, lw=0.8)
+        axes.set_ylim(bottom=0)
+        start, end = float(estimate.times[0]), float(estimate.times[-1])
+        style.tidy_time_axis(axes, start, end, label=i == len(panels) - 1)
+    return figure
