@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field, create_model
 
 from occontrol.core.guard import Guard, Threshold
 from occontrol.core.jump_plant import JumpPlant, Mode
@@ -41,13 +41,17 @@ class ModeEntry(Strict):
     input: Entries = None
 
 
-class GuardEntry(Strict):
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
-
-    source: str = Field(alias="from", description="from: the name of a mode")
-    target: str = Field(alias="to", description="to: the name of a mode")
-    L: Matrix = Field(description="L: rows with one entry per state, then one per entry of the threshold")
-    b: Vector = Field(description="b: one number per row of L")
+# made by a call because `from` cannot be written as an attribute
+GuardEntry = create_model(
+    "GuardEntry",
+    __base__=Strict,
+    **{
+        "from": (str, Field(description="from: the name of a mode")),
+        "to": (str, Field(description="to: the name of a mode")),
+        "L": (Matrix, Field(description="L: rows with one entry per state, then one per entry of the threshold")),
+        "b": (Vector, Field(description="b: one number per row of L")),
+    },  # type: ignore[call-overload]
+)
 
 
 class ThresholdEntry(Strict):
@@ -57,7 +61,7 @@ class ThresholdEntry(Strict):
 
 class Transition(Strict):
     matrix: Matrix = None
-    guards: list[GuardEntry] | None = None
+    guards: list[GuardEntry] | None = None  # type: ignore[valid-type]
     threshold: ThresholdEntry | None = None
 
 
@@ -195,7 +199,12 @@ def _row(value: Any, context: Context) -> np.ndarray | None:
 
 def _transitions(entry: Transition, context: Context) -> dict[str, Any] | None:
     result: dict[str, Any] = {}
-    lost = False
+    # with neither of them the plant complains, unless a mistake in `transition` is known already
+    lost = (
+        entry.matrix is None
+        and entry.guards is None
+        and any(m.path[:1] == ("transition",) for m in context.found.mistakes)
+    )
     if entry.matrix is not None:
         result["transition_matrix"] = context.constant(entry.matrix, "transition", "matrix")
         lost = result["transition_matrix"] is None
@@ -218,12 +227,12 @@ def _transitions(entry: Transition, context: Context) -> dict[str, Any] | None:
     return None if lost else result
 
 
-def _guard(entry: GuardEntry, g: int, context: Context) -> Guard | None:
+def _guard(entry: Any, g: int, context: Context) -> Guard | None:
     path = ("transition", "guards", g)
     L, b = context.constant(entry.L, *path, "L"), context.vector(entry.b, *path, "b")
     if L is None or b is None:
         return None
-    return context.attempt(Guard, *path, source=entry.source, target=entry.target, L=L, b=b)
+    return context.attempt(Guard, *path, source=getattr(entry, "from"), target=entry.to, L=L, b=b)
 
 
 def _sensor(entry: SensorEntry, j: int, states: int, context: Context) -> JumpSensor:
