@@ -175,3 +175,18 @@ def gain_that_fits(flow: Flow, weight: np.ndarray, edges: np.ndarray) -> float:
         else:
             high = factor
     return low
+
+
+def first_lost(flow: Flow, edges: np.ndarray) -> float | None:
+    """The time at which X, followed back from edges[-1], escapes; None when it lives to edges[0]."""
+    start, end = float(edges[0]), float(edges[-1])
+    if free_weights(flow, edges) is not None:
+        return None
+    low, high = start, end  # X lives on (high, end], not on [low, end]
+    while high - low > RESOLUTION * max(abs(start), abs(end)):
+        middle = (low + high) / 2
+        if middle in (low, high):
+            break
+        lives = free_weights(flow, np.append(middle, edges[edges > middle])) is not None
+        low, high = (low, middle) if lives else (middle, high)
+    return high
