@@ -124,7 +124,7 @@ def simulate(problem: Problem, solution: Solution | None, seed: int = 0) -> tupl
     """
     plan = _plan(problem, solution, "simulate")
     assert problem.plant is not None and problem.measurement is not None
-    truth = simulate_truth(problem.plant, problem.measurement, plan.size // problem.sensors, seed)
+    truth = simulate_truth(problem.plant, problem.measurement, plan.size // problem.sensor_count, seed)
     seen = observe(truth.values.ravel(), plan.ravel(), split_seed(seed, 4)).reshape(truth.values.shape)
     measurements = [
         Measurement(float(truth.times[k + 1]), name, np.array([seen[k, i]]))
@@ -174,11 +174,13 @@ def run_filter(problem: Problem, solution: Solution, measurements: Sequence[Meas
 def _arrange(problem: Problem, plan: np.ndarray, measurements: Sequence[Measurement]) -> np.ndarray:
     """(K, q*m) values in the plan's order, NaN where there is none; ProblemError for what does not fit it."""
     assert problem.plant is not None
-    steps = plan.size // problem.sensors
-    values = np.full((steps, problem.sensors), np.nan)
-    used = plan.reshape(steps, problem.sensors) > 0
+    steps = plan.size // problem.sensor_count
+    values = np.full((steps, problem.sensor_count), np.nan)
+    used = plan.reshape(steps, problem.sensor_count) > 0
     mistakes = []
     for item in measurements:
+        if len(item.values) == 1 and np.isnan(item.values[0]):
+            continue  # missing
         line = f"line {item.line}: " if item.line else ""
         k = round(item.time / problem.plant.interval) - 1
         if item.sensor not in problem.names:

@@ -9,16 +9,24 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.checks import check_covariance
-from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.errors import Collector, InfeasibleError, Mistake, ProblemError
 from occontrol.core.nonlinear_measurement import NonlinearMeasurement
 from occontrol.core.nonlinear_plant import NonlinearPlant
 from occontrol.equations.moments import Moments
 from occontrol.filtering.ensemble import EnsembleFilter
 from occontrol.filtering.unscented import UnscentedFilter
-from occontrol.solvers.precision_program import PrecisionProgram
+from occontrol.solvers.precision_program import PrecisionProgram, examine
 from occontrol.solvers.pruning import Pruning
 
 MOST_MEASUREMENTS = 2000
+
+
+@dataclass(frozen=True)
+class ScalarSensor:
+    """A sensor's name, and that one measurement of it is one number."""
+
+    name: str
+    rows: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +136,7 @@ class Problem:
 
     def _spread(self, found: Collector, key: str, lowest: float | None, default: float) -> None:
         """A number or a list becomes one number per measurement; mistakes are noted."""
-        value, total, each = getattr(self, key), self.measurements, self.sensors
+        value, total, each = getattr(self, key), self.measurements, self.sensor_count
         items = list(value) if isinstance(value, list | tuple | np.ndarray) else [value]
         numbers = np.array([default if v is None else float(v) for v in items])
         bad = ~(numbers > 0 if lowest is None else numbers >= lowest) & ~np.isnan(numbers)
@@ -156,14 +164,19 @@ class Problem:
         return self.moments.states if self.moments is not None else self.plant.states  # type: ignore[union-attr]
 
     @property
-    def sensors(self) -> int:
+    def sensor_count(self) -> int:
         """The number m of scalar sensors."""
         return self.moments.sensors if self.moments is not None else self.measurement.sensors  # type: ignore[union-attr]
 
     @property
+    def sensors(self) -> tuple[ScalarSensor, ...]:
+        """The sensors, for whoever reads their measurements."""
+        return tuple(ScalarSensor(name) for name in self.names)
+
+    @property
     def measurements(self) -> int:
         """q*m, the number of precisions chosen together."""
-        return self.sensors * int(self.batch)
+        return self.sensor_count * int(self.batch)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -171,7 +184,7 @@ class Problem:
         return (
             tuple(self.measurement.names)
             if self.measurement is not None
-            else tuple(f"y{i + 1}" for i in range(self.sensors))
+            else tuple(f"y{i + 1}" for i in range(self.sensor_count))
         )
 
     @property
@@ -183,12 +196,24 @@ class Problem:
         """The program of one batch with these moments."""
         return PrecisionProgram(moments, self.bound, self.prices, self.caps, self.fixed)
 
+    def require_feasible(self) -> None:
+        """Raise InfeasibleError when the first batch cannot meet the bound; later ones depend on what is measured."""
+        from occontrol.families.precision_text import first_moments, infeasible_text
+
+        _, verdict, _ = examine(self.program(first_moments(self)))
+        if not verdict.feasible:
+            raise InfeasibleError(infeasible_text(self, verdict))
+
     def groups(self) -> list[np.ndarray]:
         """What pruning may drop together: single measurements, or all those of one sensor; never what is fixed."""
         index = np.arange(self.measurements)
         free = np.isnan(self.fixed) & (self.caps > 0)
         by_sensor = self.prune is not None and self.prune.by == "sensor"
-        groups = [index[k :: self.sensors] for k in range(self.sensors)] if by_sensor else list(index.reshape(-1, 1))
+        groups = (
+            [index[k :: self.sensor_count] for k in range(self.sensor_count)]
+            if by_sensor
+            else list(index.reshape(-1, 1))
+        )
         return [group[free[group]] for group in groups if np.any(free[group])]
 
     def labels(self) -> list[str]:

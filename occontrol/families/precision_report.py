@@ -9,6 +9,7 @@ import numpy as np
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Certificate, Solution, Status
 from occontrol.families.precision_problem import Problem
+from occontrol.families.precision_text import infeasible_text
 from occontrol.filtering.precision_sequence import BatchOutcome
 from occontrol.solvers.precision_program import MEETS, PrecisionResult, relative_margin
 from occontrol.solvers.pruning import Pruned, active
@@ -33,13 +34,13 @@ def assemble(
     certificate = None
     verdict = finals[-1].feasibility if bad is None else finals[bad].feasibility
     # a bound below the reach of any precision: what could be had instead, and what stands in the way
-    result["smallest_factor"] = problem.factor * max(f.feasibility.factor for f in finals)
+    result["smallest_factor"] = problem.factor * max(first.feasibility.factor for first, _ in steps)
     if bad is not None:
         result["preventing_direction"] = verdict.direction.tolist()
         result["infeasible_batch"] = bad + 1
         message = finals[bad].message
         if finals[bad].status is Status.INFEASIBLE and verdict.factor >= 1 - 1e-9:
-            message = _infeasible_text(problem, finals[bad])
+            message = infeasible_text(problem, verdict)
         if len(records) > 1 or problem.batches > 1:
             message = f"Batch {bad + 1} of {problem.batches}: {message}"
     else:
@@ -97,7 +98,7 @@ def _record(
     """One batch as it stands in result.json."""
     final = result if pruned is None else pruned.result
     record: dict[str, Any] = {"batch": k + 1, "status": str(final.status)}
-    record["smallest_factor"] = problem.factor * final.feasibility.factor
+    record["smallest_factor"] = problem.factor * result.feasibility.factor
     if final.precisions is None:
         return record
     status = final.status
@@ -150,17 +151,3 @@ def _pruning(problem: Problem, result: PrecisionResult, pruned: Pruned) -> dict[
         "restricted_lower_bound": pruned.result.lower_bound,
         "proven": pruned.proven,
     }
-
-
-def _infeasible_text(problem: Problem, result: PrecisionResult) -> str:
-    verdict = result.feasibility
-    smallest = problem.factor * verdict.factor
-    limited = " with these caps" if np.any(np.isfinite(problem.caps)) else " with any precision"
-    if problem.bound_factor is not None:
-        text = f"The bound factor {problem.factor:g} cannot be reached{limited}: the smallest is {smallest:.10g}."
-    else:
-        text = f"The bound cannot be reached{limited}: the smallest that can is {smallest:.10g} times it."
-    order = np.argsort(-np.abs(verdict.direction), kind="stable")
-    terms = [f"{verdict.direction[i]:+.3g} x{i + 1}" for i in order[:4] if abs(verdict.direction[i]) > 1e-3]
-    more = " ..." if np.sum(np.abs(verdict.direction) > 1e-3) > 4 else ""
-    return f"{text} What prevents more is the error of {' '.join(terms)}{more}."

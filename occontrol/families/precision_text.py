@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.solution import Solution
+from occontrol.equations.moments import Moments
 from occontrol.families.precision_problem import Problem
 from occontrol.filtering.precision_sequence import start_filter
+from occontrol.solvers.precision_feasibility import Feasibility
 from occontrol.solvers.precision_program import examine
 
 
@@ -71,7 +73,7 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     q = f" x {problem.batch} steps" if problem.batch > 1 else ""
     lines = [
         ("states", f"{problem.states} bounded"),
-        ("sensors", f"{problem.sensors}{q}: {problem.measurements} precisions to choose"),
+        ("sensors", f"{problem.sensor_count}{q}: {problem.measurements} precisions to choose"),
     ]
     bound = f"factor {problem.bound_factor:g}" if problem.bound_factor is not None else "matrix"
     deviations = np.sqrt(np.diag(problem.bound))
@@ -84,7 +86,6 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
                 f"{int(np.sum(capped))} of {len(capped)}, {problem.caps[capped].min():g} to {problem.caps[capped].max():g}",
             )
         )
-    moments = problem.moments
     if problem.plant is not None:
         assert problem.measurement is not None and problem.filter is not None
         plant = problem.plant
@@ -104,9 +105,7 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
         )
         if problem.batches > 1:
             lines.append(("batches", f"{problem.batches}, truth from seed {problem.truth_seed}"))
-        moments = start_filter(plant, problem.measurement, problem.filter).forecast(problem.batch).moments
-    assert moments is not None
-    split, verdict, _ = examine(problem.program(moments))
+    split, verdict, _ = examine(problem.program(first_moments(problem)))
     lines.append(("inequality", f"{split.rows.shape[1]} rows (rank of the measurement covariance)"))
     if verdict.idle:
         text = "met without any measurement"
@@ -114,3 +113,26 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
         word = "can be met" if verdict.feasible else "CANNOT be met"
         text = f"{word} in the first batch: smallest factor {problem.factor * verdict.factor:.10g}, at least {verdict.least_active} measurements"
     return [*lines, ("feasibility", text)]
+
+
+def first_moments(problem: Problem) -> Moments:
+    """The moments that the first batch will be decided by."""
+    if problem.moments is not None:
+        return problem.moments
+    assert problem.plant is not None and problem.measurement is not None and problem.filter is not None
+    return start_filter(problem.plant, problem.measurement, problem.filter).forecast(problem.batch).moments
+
+
+def infeasible_text(problem: Problem, verdict: Feasibility) -> str:
+    """The smallest bound that can be reached, and which combination of states prevents more."""
+    smallest = problem.factor * verdict.factor
+    limited = " with these caps" if np.any(np.isfinite(problem.caps)) else " with any precision"
+    if problem.bound_factor is not None:
+        text = f"The bound factor {problem.factor:g} cannot be reached{limited}: the smallest is {smallest:.10g}."
+    else:
+        text = f"The bound cannot be reached{limited}: the smallest that can is {smallest:.10g} times it."
+    weight = np.abs(verdict.direction) * np.sqrt(np.diag(problem.bound))  # in units that can be compared
+    order = [i for i in np.argsort(-weight, kind="stable") if weight[i] > 1e-3 * np.max(weight)]
+    terms = [f"{verdict.direction[i]:+.3g} x{i + 1}" for i in order[:4]]
+    more = " and further states" if len(order) > 4 else ""
+    return f"{text} What prevents more is the error of {' '.join(terms)}{more}."
