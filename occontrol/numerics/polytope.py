@@ -6,6 +6,10 @@ upper_j is 0 outside a sensor's windows, 1 inside, `select` for 'idle'.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
+
+_OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
+BISECTIONS = 100
 
 
 def vertex(gradient: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
@@ -21,49 +25,88 @@ def vertex(gradient: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
     """
     if select == 1:
         choice = np.argmin(np.where(upper > 0, gradient, np.inf), axis=1)
-        w = np.zeros_like(gradient)
+        w = np.zeros(gradient.shape)
         w[np.arange(len(w)), choice] = 1.0
         return w
     order = np.argsort(np.where(upper > 0, gradient, np.inf), axis=1, kind="stable")
     room = np.take_along_axis(upper, order, axis=1)
     before = np.cumsum(room, axis=1) - room
-    w = np.zeros_like(gradient)
+    w = np.zeros(gradient.shape)
     np.put_along_axis(w, order, np.clip(select - before, 0.0, room), axis=1)
     return w
 
 
 def excess(weights: np.ndarray, gradient: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
-    """(N,) v.g - min over V of w.g: what each interval could still save to first order; their sum is J minus the bound."""
+    """(N,) v.g - min over V of w.g: what each interval could still save to first order; their sum is J minus the bound.
+
+    Parameters
+    ----------
+    weights, gradient, upper : (N, M)
+    select : sum of the weights
+    """
     g = np.where(upper > 0, gradient, 0.0)
+    if select == 1:
+        return np.sum(g * weights, axis=1) - np.min(np.where(upper > 0, gradient, np.inf), axis=1)
     return np.sum(g * (weights - vertex(gradient, upper, select)), axis=1)
 
 
-def project(weights: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
-    """The nearest point of V, interval by interval (N, M).
+@njit(**_OPTIONS)
+def _project(y, upper, select, w):
+    N, M = y.shape
+    for k in range(N):
+        # the multiplier lies between these two; the clipped sum falls as it grows
+        low, high = np.inf, -np.inf
+        for j in range(M):
+            if upper[k, j] > 0.0:
+                low = min(low, y[k, j] - upper[k, j])
+                high = max(high, y[k, j])
+        lam = 0.5 * (low + high)
+        for _ in range(BISECTIONS):
+            total, slope = 0.0, 0
+            for j in range(M):
+                x = y[k, j] - lam
+                if upper[k, j] > 0.0 and x > 0.0:
+                    if x >= upper[k, j]:
+                        total += upper[k, j]
+                    else:
+                        total += x
+                        slope += 1
+            rest = total - select
+            if abs(rest) <= 1e-15 * select:
+                break
+            if rest > 0.0:
+                low = lam
+            else:
+                high = lam
+            # Newton on the piecewise linear sum, bisection where it leaves the bracket
+            trial = lam + rest / slope if slope > 0 else 0.5 * (low + high)
+            lam = trial if low < trial < high else 0.5 * (low + high)
+        for j in range(M):
+            w[k, j] = min(max(y[k, j] - lam, 0.0), upper[k, j])
 
-    v_j = clip(y_j - lam, 0, upper_j) with lam such that the sum is `select`; lam from the sorted kinks (Held, Wolfe & Crowder 1974).
+
+def project(weights: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
+    """The nearest point of V, interval by interval: v_j = clip(y_j - lam, 0, upper_j), lam such that the sum is `select`.
+
+    Parameters
+    ----------
+    weights, upper : (N, M)
+    select : sum of the weights
     """
-    y, N, M = weights, *weights.shape
-    kinks = np.sort(np.concatenate([y, y - upper], axis=1), axis=1)
-    low, high = np.zeros(N, dtype=int), np.full(N, 2 * M - 1)
-    rows = np.arange(N)
-    # the sum falls as lam grows: find the last kink at which it is still >= select
-    while np.any(high - low > 1):
-        middle = (low + high) // 2
-        total = np.sum(np.clip(y - kinks[rows, middle][:, None], 0.0, upper), axis=1)
-        above = total >= select
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    a, b = kinks[rows, low], kinks[rows, high]
-    at_a = np.sum(np.clip(y - a[:, None], 0.0, upper), axis=1)
-    at_b = np.sum(np.clip(y - b[:, None], 0.0, upper), axis=1)
-    fall = at_a - at_b
-    share = np.clip(np.divide(at_a - select, fall, out=np.zeros(N), where=fall > 0), 0.0, 1.0)
-    return np.clip(y - (a + share * (b - a))[:, None], 0.0, upper)
+    w = np.empty(weights.shape)
+    _project(np.ascontiguousarray(weights), upper, float(select), w)
+    return w
 
 
 def uniform(upper: np.ndarray, select: int) -> np.ndarray:
-    """The available sensors in equal shares (N, M): a feasible point that favours none."""
-    v = np.zeros_like(upper)
+    """The available sensors in equal shares (N, M): a feasible point that favours none.
+
+    Parameters
+    ----------
+    upper : (N, M)
+    select : sum of the weights
+    """
+    v = np.zeros(upper.shape)
     left = np.full(len(upper), float(select))
     for _ in range(upper.shape[1]):
         room = upper - v

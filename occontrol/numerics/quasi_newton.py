@@ -1,48 +1,164 @@
-"""Limited-memory BFGS as an operator: products B d of the compact form (Byrd, Nocedal & Schnabel 1994)."""
+"""Limited-memory BFGS restricted to the face of V that the policy lies on (two-metric projection, Bertsekas 1982).
+
+On the free weights of every interval the direction lies in the plane sum_j d_j = 0; the others stay at their bounds.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
+
+_OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reassoc"}, "error_model": "numpy"}
+CURVATURE = 1e-10
 
 
-class CompactBFGS:
-    """B = theta I - [theta S, Y] [[theta S'S, L], [L', -D]]^-1 [theta S, Y]' from the last `memory` pairs.
+@njit(**_OPTIONS)
+def _face(v, g, upper, free, count):
+    """Free weights: between their bounds, or at a bound that the reduced gradient pushes them away from."""
+    N, M = v.shape
+    for k in range(N):
+        anchor, room = -1, -1.0
+        for j in range(M):
+            x = v[k, j]
+            if upper[k, j] > 0.0 and x > room:
+                anchor, room = j, x
+        number = 0
+        for j in range(M):
+            inside = upper[k, j] > 0.0
+            if inside and anchor >= 0:
+                reduced = g[k, j] - g[k, anchor]
+                if (v[k, j] <= 1e-10 and reduced > 0.0) or (v[k, j] >= upper[k, j] - 1e-10 and reduced < 0.0):
+                    inside = j == anchor
+            free[k, j] = inside
+            number += inside
+        count[k] = max(number, 1)
+
+
+@njit(**_OPTIONS)
+def _flatten(x, free, count, out):
+    """out <- x projected on the plane of the face."""
+    N, M = x.shape
+    for k in range(N):
+        mean = 0.0
+        for j in range(M):
+            if free[k, j]:
+                mean += x[k, j]
+        mean /= count[k]
+        for j in range(M):
+            out[k, j] = x[k, j] - mean if free[k, j] else 0.0
+
+
+@njit(**_OPTIONS)
+def _two_loops(g, free, count, S, Y, oldest, stored, first_length, q, t, alpha, curvature):
+    """-B g on the face, into q; returns whether any pair was used."""
+    N, M = g.shape
+    memory = S.shape[0]
+    _flatten(g, free, count, q)
+    gamma = -1.0
+    for i in range(stored - 1, -1, -1):
+        slot = (oldest + i) % memory
+        s, y = S[slot], Y[slot]
+        _flatten(y, free, count, t)
+        sy = 0.0
+        yy = 0.0
+        ss = 0.0
+        sq = 0.0
+        for k in range(N):
+            for j in range(M):
+                if free[k, j]:
+                    sy += s[k, j] * t[k, j]
+                    yy += t[k, j] * t[k, j]
+                    ss += s[k, j] * s[k, j]
+                    sq += s[k, j] * q[k, j]
+        if not sy > CURVATURE * np.sqrt(ss * yy):
+            curvature[i] = 0.0
+            continue
+        curvature[i] = sy
+        if gamma < 0.0:
+            gamma = sy / yy
+        a = sq / sy
+        alpha[i] = a
+        for k in range(N):
+            for j in range(M):
+                q[k, j] -= a * t[k, j]
+    used = gamma > 0.0
+    if not used:
+        largest = 0.0
+        for k in range(N):
+            for j in range(M):
+                largest = max(largest, abs(q[k, j]))
+        gamma = first_length / largest if largest > 0.0 else 1.0
+    for k in range(N):
+        for j in range(M):
+            q[k, j] *= gamma
+    for i in range(stored):
+        if curvature[i] <= 0.0:
+            continue
+        slot = (oldest + i) % memory
+        s, y = S[slot], Y[slot]
+        yd = 0.0
+        for k in range(N):
+            for j in range(M):
+                if free[k, j]:
+                    yd += y[k, j] * q[k, j]
+        b = alpha[i] - yd / curvature[i]
+        _flatten(s, free, count, t)
+        for k in range(N):
+            for j in range(M):
+                q[k, j] += b * t[k, j]
+    for k in range(N):
+        for j in range(M):
+            q[k, j] = -q[k, j]
+    return used
+
+
+class FaceBFGS:
+    """The last `memory` pairs (step, change of gradient) and the direction they give on a face.
 
     Parameters
     ----------
-    memory : how many pairs are kept
-    theta : curvature before the first pair
+    shape : (N, M) of the policies
+    memory : pairs kept
+    first_length : largest component of the very first step
     """
 
-    def __init__(self, memory: int = 15, theta: float = 1e-3):
-        self.memory, self.theta, self.start = memory, theta, theta
+    def __init__(self, shape: tuple[int, int], memory: int = 20, first_length: float = 0.3):
+        self.memory, self.first_length = memory, first_length
+        self._S, self._Y = np.empty((memory, *shape)), np.empty((memory, *shape))
+        self._q, self._t = np.empty(shape), np.empty(shape)
+        self._free, self._count = np.empty(shape, dtype=np.bool_), np.empty(shape[0])
+        self._alpha, self._curvature = np.empty(memory), np.empty(memory)
         self.reset()
 
     def reset(self) -> None:
         """Forget all pairs."""
-        self.S: list[np.ndarray] = []
-        self.Y: list[np.ndarray] = []
-        self._middle: np.ndarray | None = None
+        self._oldest = self._stored = 0
 
-    def update(self, s: np.ndarray, y: np.ndarray) -> None:
-        """Take the pair step s, gradient change y; skipped unless s.y is clearly positive."""
-        sy, yy = float(np.vdot(s, y)), float(np.vdot(y, y))
-        if not sy > 1e-12 * np.sqrt(float(np.vdot(s, s)) * yy):
-            return
-        self.S.append(s.ravel().copy())
-        self.Y.append(y.ravel().copy())
-        if len(self.S) > self.memory:
-            del self.S[0], self.Y[0]
-        self.theta = yy / sy
-        S, Y = np.array(self.S), np.array(self.Y)
-        SY = S @ Y.T
-        D, L = np.diag(np.diag(SY)), np.tril(SY, -1)
-        self._W = np.concatenate([self.theta * S, Y])
-        self._middle = np.linalg.pinv(np.block([[self.theta * S @ S.T, L], [L.T, -D]]))
+    def update(self, step: np.ndarray, change: np.ndarray) -> None:
+        """Take one pair.
 
-    def product(self, d: np.ndarray) -> np.ndarray:
-        """B d, of the shape of d."""
-        if self._middle is None:
-            return self.theta * d
-        flat = d.ravel()
-        return (self.theta * flat - self._W.T @ (self._middle @ (self._W @ flat))).reshape(d.shape)
+        Parameters
+        ----------
+        step : (N, M) difference of two policies
+        change : (N, M) difference of their gradients
+        """
+        slot = (self._oldest + self._stored) % self.memory
+        if self._stored == self.memory:
+            self._oldest = (self._oldest + 1) % self.memory
+        else:
+            self._stored += 1
+        self._S[slot], self._Y[slot] = step, change
+
+    def direction(self, weights: np.ndarray, gradient: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """The quasi-Newton direction (N, M) on the face of `weights`; a fresh array.
+
+        Parameters
+        ----------
+        weights, gradient, upper : (N, M)
+        """
+        _face(weights, gradient, upper, self._free, self._count)
+        args = (gradient, self._free, self._count, self._S, self._Y, self._oldest, self._stored)
+        _two_loops(*args, self.first_length, self._q, self._t, self._alpha, self._curvature)
+        if np.vdot(self._q, gradient) >= 0:
+            _two_loops(*args[:6], 0, self.first_length, self._q, self._t, self._alpha, self._curvature)
+        return self._q.copy()

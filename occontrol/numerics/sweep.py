@@ -140,6 +140,11 @@ class Sweep:
             )
 
     @property
+    def outputs(self) -> int:
+        """Rank p of the terminal weight."""
+        return len(self._root)
+
+    @property
     def has_hessian(self) -> bool:
         """Whether `hessian_product` is there: no running weight, and all covariances fit the memory budget."""
         return not self.dense and self._segment >= self.recursion.intervals

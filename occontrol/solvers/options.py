@@ -13,13 +13,13 @@ class Relaxed:
     Parameters
     ----------
     relative_gap : target of (J - bound)/|J|, > 0
-    max_iterations : Newton steps
+    max_iterations : steps
     time_limit : seconds, None is no limit
     """
 
     name: ClassVar[str] = "relaxed"
     relative_gap: float = 1e-4
-    max_iterations: int = 500
+    max_iterations: int = 3000
     time_limit: float | None = None
 
 
@@ -30,14 +30,14 @@ class RelaxRoundPolish:
     Parameters
     ----------
     relative_gap : target of the relaxation
-    max_iterations : Newton steps of the relaxation
+    max_iterations : steps of the relaxation
     polish : rounds of exact single exchanges after rounding, 0 is none
     time_limit : seconds, None is no limit
     """
 
     name: ClassVar[str] = "schedule"
     relative_gap: float = 1e-4
-    max_iterations: int = 500
+    max_iterations: int = 3000
     polish: int = 200
     time_limit: float | None = None
 
@@ -58,7 +58,7 @@ class HMinimal:
 
     name: ClassVar[str] = "hminimal"
     relative_gap: float = 1e-4
-    max_iterations: int = 500
+    max_iterations: int = 3000
     full_step: bool = False
     tolerance: float = 1e-9
     start: str = "best-single"

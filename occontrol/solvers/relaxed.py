@@ -1,9 +1,8 @@
 """The convex relaxation, v in the simplex instead of its corners, to a certified gap.
 
-Projected Newton: at each iterate the quadratic model with exact Hessian products (numerics/tangent.py; limited-memory
-BFGS where those are not to be had) is minimised over V, and a line search on the way there takes the step. The global
-lower bound J(v) - sum_k excess_k comes with every gradient; the best one over the iterations is kept, and it alone
-decides when to stop.
+Limited-memory BFGS on the face of V, projected back into V (numerics/quasi_newton.py); where exact Hessian products cost
+far less than a gradient (many states, few predicted outputs), projected Newton on them takes over. Every gradient is a
+cut; the best bound that the cuts prove, alone or mixed (numerics/cuts.py), is kept, and it alone decides when to stop.
 """
 
 from __future__ import annotations
@@ -14,8 +13,9 @@ import numpy as np
 
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
-from occontrol.numerics.polytope import excess, uniform
-from occontrol.numerics.quasi_newton import CompactBFGS
+from occontrol.numerics.cuts import Cuts
+from occontrol.numerics.polytope import excess, project, uniform, vertex
+from occontrol.numerics.quasi_newton import FaceBFGS
 from occontrol.numerics.simplex_qp import minimise_quadratic
 from occontrol.numerics.sweep import Sweep
 
@@ -27,12 +27,16 @@ class RelaxedOptions:
     Parameters
     ----------
     relative_gap : target of (J - bound)/|J|
-    max_iterations : Newton steps
-    max_products : Hessian products per step
+    max_iterations : steps
+    engine : "auto", "bfgs" or "newton"
+    memory : pairs of the quasi-Newton method
+    max_products : Hessian products per Newton step
     """
 
     relative_gap: float = 1e-4
-    max_iterations: int = 500
+    max_iterations: int = 3000
+    engine: str = "auto"
+    memory: int = 20
     max_products: int = 200
 
 
@@ -46,8 +50,9 @@ class RelaxedOutcome:
     cost : its J
     lower_bound : the best bound of all iterations
     gradient : (N, M) at `weights`
-    iterations : Newton steps
+    iterations : steps
     status : certified, limit or interrupted
+    sweeps : how many gradients, costs and Hessian products it took
     """
 
     weights: np.ndarray
@@ -77,75 +82,105 @@ def minimise_relaxed(
     r = sweep.recursion
     upper, select = r.upper, r.select
     v = uniform(upper, select) if start is None else start
-    exact = sweep.has_hessian
-    if exact:
+    newton = options.engine == "newton" or (options.engine == "auto" and _products_are_cheap(sweep))
+    newton = newton and sweep.has_hessian
+    if newton:
         sweep.prepare_hessian()
-    memory = None if exact else CompactBFGS()
+    memory = FaceBFGS(v.shape, options.memory)
+    cuts = Cuts(v.shape, upper, select)
+    before = (sweep.backward_count, sweep.forward_count, sweep.hessian_count)
     J, g = sweep.cost_and_gradient(v)
     gap = float(np.sum(excess(v, g, upper, select)))
     bound = J - gap
-    iteration, stalled = 0, 0
-    step = _first_step(v, g, upper)
-    status = Status.LIMIT
+    cuts.add(J, g, v)
+    step = _first_step(g, upper)
+    iteration = stalled = 0
     while True:
         monitor.report(iteration, J, bound)
-        if J - bound <= options.relative_gap * abs(J):
+        target = options.relative_gap * abs(J)
+        if J - bound > target and J - bound < 3.0 * target:
+            bound = max(bound, cuts.bound())
+        if J - bound <= target:
             status = Status.CERTIFIED
             break
         if monitor.interrupted:
             status = Status.INTERRUPTED
             break
-        if iteration >= options.max_iterations or monitor.timed_out or stalled >= 5:
+        if iteration >= options.max_iterations or monitor.timed_out or stalled >= 3:
+            status = Status.LIMIT
             break
         iteration += 1
-        product = (lambda d, v=v: sweep.hessian_product(v, d)) if memory is None else memory.product
-        target = max(0.1 * gap, 0.2 * options.relative_gap * abs(J))
-        w, _, _ = minimise_quadratic(product, g, v, upper, select, target, options.max_products, step)
-        d = w - v
-        slope = float(np.vdot(g, d))
-        if not slope < 0:
-            d = _fallback(v, g, upper, select)
-            slope = float(np.vdot(g, d))
-        length, J_new, g_new = _line_search(sweep, v, J, d, slope)
-        if g_new is None:
-            stalled += 1
-            if memory is not None:
-                memory.reset()
-            continue
+        if newton and gap < 0.05 * abs(J):
+            aim = max(0.1 * gap, 0.2 * target)
+            w, _, _ = minimise_quadratic(
+                lambda d, v=v: sweep.hessian_product(v, d), g, v, upper, select, aim, options.max_products, step
+            )
+            found = _along(sweep, v, J, g, w - v)
+        else:
+            found = _bent(sweep, v, J, g, memory.direction(v, g, upper))
+        if found is None:
+            # no descent: drop the curvature and take the conditional-gradient direction, downhill unless v is optimal
+            memory.reset()
+            found = _along(sweep, v, J, g, vertex(np.where(upper > 0, g, 0.0), upper, select) - v)
+            if found is None:
+                stalled += 1
+                bound = max(bound, cuts.bound(200))
+                continue
         stalled = 0
-        v_new = v + length * d
-        if memory is not None:
-            memory.update(v_new - v, g_new - g)
-        v, J, g = v_new, J_new, g_new
+        w, J_new, g_new = found
+        memory.update(w - v, g_new - g)
+        v, J, g = w, J_new, g_new
         gap = float(np.sum(excess(v, g, upper, select)))
         bound = max(bound, J - gap)
-    sweeps = {"gradients": sweep.backward_count, "costs": sweep.forward_count, "products": sweep.hessian_count}
-    return RelaxedOutcome(v, J, bound, g, iteration, status, sweeps)
+        cuts.add(J, g, v)
+    names = ("gradients", "costs", "products")
+    after = (sweep.backward_count, sweep.forward_count, sweep.hessian_count)
+    spent = {name: b - a for name, a, b in zip(names, before, after, strict=True)}
+    return RelaxedOutcome(v, J, min(bound, J), g, iteration, status, spent)
 
 
-def _first_step(v: np.ndarray, g: np.ndarray, upper: np.ndarray) -> float:
+def _products_are_cheap(sweep: Sweep) -> bool:
+    """Whether a Hessian product costs less than an eighth of a gradient, by operation count."""
+    if not sweep.has_hessian:
+        return False
+    n, p, rows = sweep.recursion.states, sweep.outputs, sweep.recursion.rows.shape[1]
+    product = 8 * n * n * p + 8 * rows * n * p
+    gradient = 4 * n**3 + 4 * n * n * p + 2 * rows * n * p
+    return product < gradient / 8
+
+
+def _first_step(g: np.ndarray, upper: np.ndarray) -> float:
     """A projected gradient step that moves weights by about their own size."""
     spread = np.where(upper > 0, g, np.nan)
     width = float(np.nanmax(np.nanmax(spread, axis=1) - np.nanmin(spread, axis=1)))
     return 1.0 / width if width > 0 else 1.0
 
 
-def _fallback(v: np.ndarray, g: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
-    """The conditional-gradient direction: always downhill unless v is optimal."""
-    from occontrol.numerics.polytope import vertex
+def _bent(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray):
+    """Armijo along the path of v + t d projected into V; None if it never falls."""
+    r, t = sweep.recursion, 1.0
+    for _ in range(8):
+        w = project(v + t * d, r.upper, r.select)
+        slope = float(np.vdot(g, w - v))
+        if slope < 0:
+            J_new, g_new = sweep.cost_and_gradient(w)
+            if J_new <= J + 1e-4 * slope:
+                return w, J_new, g_new
+        t *= 0.35
+    return None
 
-    return vertex(np.where(upper > 0, g, 0.0), upper, select) - v
 
-
-def _line_search(sweep: Sweep, v: np.ndarray, J: float, d: np.ndarray, slope: float):
-    """Armijo along the feasible direction; each trial is a full gradient because the first one nearly always holds."""
-    length = 1.0
-    for _ in range(12):
-        J_new, g_new = sweep.cost_and_gradient(v + length * d)
-        if J_new <= J + 1e-4 * length * slope or (abs(J_new - J) <= 1e-14 * abs(J) and np.vdot(g_new, d) <= 0):
-            return length, J_new, g_new
+def _along(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray):
+    """Armijo along a feasible direction, with the secant of the slopes; None if it never falls."""
+    slope, t = float(np.vdot(g, d)), 1.0
+    if not slope < 0:
+        return None
+    for _ in range(20):
+        J_new, g_new = sweep.cost_and_gradient(v + t * d)
+        if J_new <= J + 1e-4 * t * slope:
+            return v + t * d, J_new, g_new
         new_slope = float(np.vdot(g_new, d))
-        # convex in length: secant on the slopes
-        guess = length * slope / (slope - new_slope) if new_slope > slope else 0.5 * length
-        length = float(np.clip(guess, 0.1 * length, 0.7 * length))
-    return 0.0, J, None
+        # convex in t
+        guess = t * slope / (slope - new_slope) if new_slope > slope else 0.5 * t
+        t = float(np.clip(guess, 0.1 * t, 0.7 * t))
+    return None
