@@ -34,7 +34,9 @@ class LocatedMatrix:
         rows = []
         for i, row in enumerate(self.entries):
             if not isinstance(row, list | tuple | np.ndarray):
-                raise ProblemError(Mistake((), "expected a list of rows", "write [[1, 0], [0, 1]]; one row is [[1, 0]]"))
+                raise ProblemError(
+                    Mistake((), "expected a list of rows", "write [[1, 0], [0, 1]]; one row is [[1, 0]]")
+                )
             rows.append(tuple(entry if isinstance(entry, str) else float(entry) for entry in row))
             for j, entry in enumerate(rows[-1]):
                 with found.under(i, j):
@@ -103,12 +105,13 @@ class Region:
     def __post_init__(self) -> None:
         found = Collector()
         try:
-            bounds = np.asarray(self.bounds, dtype=float)
+            bounds = np.array(self.bounds, dtype=float)
         except (TypeError, ValueError):
             bounds = np.empty(0)
-        if bounds.ndim != 2 or bounds.shape[1] != 2 or not len(bounds):
+        shape: tuple[int, ...] = bounds.shape
+        if len(shape) != 2 or shape[1] != 2 or not shape[0]:
             raise ProblemError(Mistake(("bounds",), "expected one [low, high] pair per coordinate", "bounds: [[0, 1]]"))
-        for i, (low, high) in enumerate(bounds):
+        for i, (low, high) in enumerate(bounds.tolist()):
             if not (np.isfinite(low) and np.isfinite(high)):
                 found.add(("bounds", i), f"the bounds of p{i + 1} are not finite")
             elif low > high:
@@ -185,7 +188,9 @@ class DiscreteSensor:
             raise ProblemError(Mistake(("R",), what, f"it must be {m}x{m}"))
 
     def _matrix(self, value: Any) -> Any:
-        if self.location is None or isinstance(value, LocatedMatrix):
+        if isinstance(value, LocatedMatrix):
+            return value
+        if self.location is None:
             return as_signal(value, "k")
         if isinstance(value, int | float | str) and not isinstance(value, bool):
             value = [[value]]
@@ -195,8 +200,10 @@ class DiscreteSensor:
                 what = f"a matrix of the movable sensor '{self.name}' is tabulated"
                 raise ProblemError(Mistake((), what, "write formulas of k and p1, p2, .."))
             value = signal.at(0.0)
-        rows = value.tolist() if isinstance(value, np.ndarray) else value
-        return LocatedMatrix(tuple(tuple(row) if isinstance(row, list) else row for row in rows), self.location.coordinates)
+        rows: Any = value.tolist() if isinstance(value, np.ndarray) else value
+        return LocatedMatrix(
+            tuple(tuple(row) if isinstance(row, list) else row for row in rows), self.location.coordinates
+        )
 
     @property
     def rows(self) -> int:

@@ -12,10 +12,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
-from scipy.linalg import lapack
+import scipy.linalg
 
+lapack: Any = scipy.linalg.lapack  # the compiled routines: no wrapper's overhead at n = 3
 EPS = float(np.finfo(float).eps)
 GRADED = 1e4  # from this ratio of singular values on, relative accuracy is worth the slower SVD
 
@@ -128,7 +130,6 @@ def measurement_update(
 
     Only |e| has a meaning (it equals nu' S^-1 nu); the basis of e is arbitrary. Oshman (1994), equations (4)-(9).
     """
-    count = len(mean)
     prior = (factors.vectors / factors.deviations).T
     left, information, right = thin_svd(np.concatenate((prior, rows)))
     updated = Eigenfactors(right[:, ::-1], 1.0 / information[::-1])
@@ -168,7 +169,7 @@ def time_update(factors: Eigenfactors, transition: np.ndarray, noise_root: np.nd
     Oshman (1994), equations (10)-(13), columns of the first block scaled by Q^{1/2}.
     """
     n, p = noise_root.shape
-    lu, pivots, solved, info = lapack.dgesv(transition.T, factors.vectors)
+    lu, _, solved, info = lapack.dgesv(transition.T, factors.vectors)
     if info:
         return Propagation(None, 1.0)
     reciprocal, _ = lapack.dgecon(lu, lapack.dlange("1", transition.T))

@@ -1,16 +1,15 @@
 """The V-Lambda filter's updates in covariance form, for steps where the information form has nothing to stand on.
 
-Unknowns as in eigenfactor.py. Eigenfactors change form for free: V is the same and Lambda^{-1/2} is 1/Lambda^{1/2}, so a
-single step may use the other form. These updates need neither F^-1 nor P^-1; they lose digits of small eigenvalues
+Unknowns as in eigenfactor.py. Eigenfactors change form for free: V is the same and Lambda^{-1/2} is 1/Lambda^{1/2}, so
+a single step may use the other form. These updates need neither F^-1 nor P^-1; they lose digits of small eigenvalues
 where the prior is huge, which is where the information form is exact.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import lapack
 
-from occontrol.equations.eigenfactor import EPS, Eigenfactors, Propagation, thin_svd
+from occontrol.equations.eigenfactor import EPS, Eigenfactors, Propagation, lapack, thin_svd
 
 
 def _factors_of_root(root: np.ndarray) -> Eigenfactors:

@@ -140,7 +140,7 @@ def _observability(problem: Problem) -> str:
 
 
 def _work(problem: Problem) -> str:
-    """A rough time on one core: operations of mixing, prediction, scores and update at half an operation a nanosecond."""
+    """A rough time on one core: the operations of mixing, prediction, scores and update, two nanoseconds each."""
     n, modes, groups = problem.plant.states, len(problem.plant.modes), len(problem.groups or ())
     p = max(sensor.rows for sensor in problem.sensors)
     each = modes * modes * n * n + modes * (4 * n**3 + 4 * n * n * p) + groups * modes * (n * n * p + modes * p**3)

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 @dataclass(frozen=True)
 class Scheduled:
-    """The rule of Liu & Hwang: least bound on a wrong mode, plus the problem's position_weight times the position variance.
+    """The rule of Liu & Hwang: least bound on a wrong mode, plus position_weight times the position variance.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Fixed:
 
     Parameters
     ----------
-    sensor : its name, a group as names joined by '+'; every group in turn if left out, and the one of least average RMS stands
+    sensor : its name, a group as names joined by '+'; if left out every group is tried, and the best in RMS stands
     time_limit : seconds for each, None is no limit
     """
 

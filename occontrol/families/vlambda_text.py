@@ -42,7 +42,9 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
 
 def _seconds(problem: Problem) -> float:
     """A rough time of one walk over the horizon."""
-    return problem.steps * (6e-5 + 1e-8 * problem.states**3) + problem.epochs * 0.02 * sum(s.movable for s in problem.sensors)
+    return problem.steps * (6e-5 + 1e-8 * problem.states**3) + problem.epochs * 0.02 * sum(
+        s.movable for s in problem.sensors
+    )
 
 
 def _observability(problem: Problem) -> str:
@@ -74,7 +76,14 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
         ("cost", f"{r['cost']:.10g}  (sum over k of {_word(problem.criterion)} of P(k|k))"),
     ]
     if r.get("lower_bound") is not None:
-        lines.append(("lower bound", f"{r['lower_bound']:.10g}, gap {100 * r['relative_gap']:.3g} %" if "relative_gap" in r else f"{r['lower_bound']:.10g}"))
+        lines.append(
+            (
+                "lower bound",
+                f"{r['lower_bound']:.10g}, gap {100 * r['relative_gap']:.3g} %"
+                if "relative_gap" in r
+                else f"{r['lower_bound']:.10g}",
+            )
+        )
     if r.get("nodes") is not None:
         text = f"{r['nodes']} epochs walked"
         if r.get("sequences"):
@@ -101,7 +110,8 @@ def _runs(schedule: list[dict[str, Any]]) -> str:
     def word(entry: dict[str, Any]) -> str:
         where = entry.get("locations") or {}
         return "+".join(
-            name + (f" at ({', '.join(f'{x:.4g}' for x in where[name])})" if name in where else "") for name in entry["sensors"]
+            name + (f" at ({', '.join(f'{x:.4g}' for x in where[name])})" if name in where else "")
+            for name in entry["sensors"]
         )
 
     parts = []

@@ -76,9 +76,11 @@ def filter_measurements(
     notes = list(loop.filter.notes)
     if missing:
         s = "s" * (missing != 1)
-        notes.append(f"{missing} planned sample{s} missing: no update there, and the covariance is no longer the run's")
+        notes.append(f"{missing} planned sample{s} missing: no update there, the covariance is not the run's")
     if extra:
-        notes.append(f"{extra} sample{'s' * (extra != 1)} of sensors that were not selected at that step: used all the same")
+        notes.append(
+            f"{extra} sample{'s' * (extra != 1)} of sensors that were not selected at that step: used all the same"
+        )
     count = len(steps)
     return Estimate(
         np.array([float(s.step) for s in steps]),
@@ -105,7 +107,9 @@ def _by_step(plant: SampledPlant, measurements: Sequence[Measurement]) -> dict[i
     for m in measurements:
         k, where = round(float(m.time)), _place(m)
         if m.sensor not in rows:
-            mistakes.append(Mistake((), f"there is no sensor '{m.sensor}'", "there are: " + ", ".join(rows), place=where))
+            mistakes.append(
+                Mistake((), f"there is no sensor '{m.sensor}'", "there are: " + ", ".join(rows), place=where)
+            )
         elif abs(m.time - k) > 1e-9 or not 0 <= k < plant.steps:
             what = f"t = {m.time:g} is not a step of the horizon"
             mistakes.append(Mistake((), what, f"t is k = 0 .. {plant.steps - 1}", place=where))

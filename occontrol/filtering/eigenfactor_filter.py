@@ -80,7 +80,9 @@ class EigenfactorFilter:
             other = time_update_covariance(self.factors, transition, noise_root)
             if not self.factors.invertible or loss == 1.0 or other.loss <= loss:
                 if self.factors.invertible:
-                    reason = "F is singular" if loss == 1.0 else f"the information form would lose {digits(loss)} digits"
+                    reason = (
+                        "F is singular" if loss == 1.0 else f"the information form would lose {digits(loss)} digits"
+                    )
                 else:
                     reason = "the covariance is singular"
                 self.fallbacks.append((self.step, reason))

@@ -105,7 +105,9 @@ class OnlineSelector:
         k, where = self.filter.step, self.choice.locations.get(sensor)
         sampled = self.plant.sensors[sensor]
         if sampled.sensor.movable and where is None:
-            raise UsageError(f"sensor '{sampled.sensor.name}' was not selected at k = {k}, so its location is not known")
+            raise UsageError(
+                f"sensor '{sampled.sensor.name}' was not selected at k = {k}, so its location is not known"
+            )
         H, R = sampled.matrices(k, k + 1, where)
         return H[0], R[0]
 

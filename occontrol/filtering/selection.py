@@ -9,7 +9,7 @@ import numpy as np
 from occontrol.core.monitor import Monitor
 from occontrol.filtering.eigenfactor_online import OnlineSelector
 from occontrol.numerics.sampled_plant import SampledPlant
-from occontrol.solvers.sensor_choice import Choice, Chooser
+from occontrol.solvers.sensor_choice import Choice, Chooser, HoldChooser
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +24,7 @@ class Selection:
     covariance : (K, n, n) P(k|k)
     predicted_eigenvalues : (K, n) of P(k|k-1), descending
     notes : announcements of the filter
+    held_from : first k of the epochs that kept the last choice because the monitor said stop, or None
     """
 
     choices: tuple[Choice, ...]
@@ -32,6 +33,7 @@ class Selection:
     covariance: np.ndarray
     predicted_eigenvalues: np.ndarray
     notes: tuple[str, ...]
+    held_from: int | None = None
 
     @property
     def traces(self) -> np.ndarray:
@@ -41,22 +43,22 @@ class Selection:
 
 def run_selection(
     plant: SampledPlant, starts: np.ndarray, select: int, chooser: Chooser, monitor: Monitor | None = None
-) -> Selection | None:
+) -> Selection:
     """Walk the horizon with `chooser`; the covariance does not depend on measured values.
 
     Parameters
     ----------
     plant, starts, select, chooser : as in OnlineSelector
-    monitor : asked once an epoch whether to stop; then None is returned
+    monitor : asked at every step whether to stop; the last choice is then kept to the end
     """
     loop = OnlineSelector(plant, starts, select, chooser)
-    posterior, predicted = [], []
+    posterior, predicted, held = [], [], None
     while not loop.finished:
         predicted.append(loop.filter.factors.eigenvalues)
         loop.step()
         posterior.append(loop.posterior)
-        if monitor is not None and monitor.stop:
-            return None
+        if held is None and monitor is not None and monitor.stop and len(loop.choices) < len(starts) - 1:
+            held, loop.chooser = int(starts[len(loop.choices)]), HoldChooser(loop.choice)
     vectors = np.array([f.vectors for f in posterior])
     largest = np.take_along_axis(vectors, np.argmax(np.abs(vectors), axis=1)[:, None, :], axis=1)
     return Selection(
@@ -66,4 +68,5 @@ def run_selection(
         np.array([f.covariance for f in posterior]),
         np.array(predicted),
         loop.filter.notes,
+        held,
     )

@@ -1,7 +1,7 @@
 """The covariance recursion of one epoch in compiled code, for searches that walk it a million times.
 
-Unknown: a square root S of the covariance, P = S S', so that nothing can turn indefinite. Whitened measurement rows enter
-one at a time by Potter's update; the time update triangularises [F S, Gamma]' by Householder reflections.
+Unknown: a square root S of the covariance, P = S S', so that nothing can turn indefinite. Whitened measurement rows
+enter one at a time by Potter's update; the time update triangularises [F S, Gamma]' by Householder reflections.
 Shares no code with the V-Lambda filter, whose covariance it must reproduce.
 """
 
@@ -155,8 +155,8 @@ def _dominates(small: np.ndarray, large: np.ndarray, factor: float, work: np.nda
 def undominated(covariances: np.ndarray, costs: np.ndarray, upper: float) -> np.ndarray:
     """Which of N nodes no cheaper node makes superfluous.
 
-    Node a makes node b superfluous when P_a <= (1 + e) P_b with e (upper - cost_b) <= cost_b - cost_a. For then, V being the
-    least cost to go, V(P_a) <= (1 + e) V(P_b) (the recursion and the criterion are monotone and subhomogeneous), so
+    Node a makes node b superfluous when P_a <= (1 + e) P_b with e (upper - cost_b) <= cost_b - cost_a. For then, with V
+    the least cost to go, V(P_a) <= (1 + e) V(P_b) (the recursion and the criterion are monotone and subhomogeneous), so
     either b cannot beat `upper` or a's best completion costs no more than b's.
 
     Parameters

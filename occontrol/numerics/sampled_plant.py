@@ -1,7 +1,7 @@
 """A discrete-time plant and its sensors as arrays over k = 0 .. K-1, states scaled, measurements whitened.
 
-Everything after this works with C = R^{-1/2} H, so that information is C'C, and with states divided by the user's scales,
-so that eigenvalues of different states can be compared (Oshman 1994, remark 1).
+Everything after this works with C = R^{-1/2} H, so that information is C'C, and with states divided by the user's
+scales, so that eigenvalues of different states can be compared (Oshman 1994, remark 1).
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class CandidateSet:
     kind : TRACE or LARGEST_EIGENVALUE
     grid : locations along each coordinate of a movable sensor
 
-    Raises InfeasibleError when a movable sensor has no allowed grid point, SolveFailed when there are too many candidates.
+    Raises InfeasibleError when a movable sensor has no allowed grid point, SolveFailed for too many candidates.
     """
 
     plant: SampledPlant
@@ -77,8 +77,9 @@ class CandidateSet:
         groups = subsets(len(self.plant.sensors), self.select)
         count = np.inf if groups is None else sum(np.prod([len(self.places[j]) for j in g]) for g in groups)
         if groups is None or count > MOST_SUBSETS:
+            many = "too many" if groups is None else int(count)
             raise SolveFailed(
-                f"there are {'too many' if groups is None else int(count)} groups of sensors to search, the limit is {MOST_SUBSETS}\n"
+                f"there are {many} groups of sensors to search, the limit is {MOST_SUBSETS}\n"
                 "  hint: eigenspace and trace need no search; or fewer sensors, or a coarser grid of locations"
             )
         return [
@@ -97,7 +98,10 @@ class CandidateSet:
         heights = [sum(plant.sensors[j].sensor.rows for j in c.sensors) for c in self.candidates]
         size = len(heights) * plant.steps * max(heights) * n
         if size > MOST_NUMBERS:
-            raise SolveFailed(f"the candidates of the search hold {size} numbers, the limit is {MOST_NUMBERS}\n  hint: fewer sensors or steps")
+            raise SolveFailed(
+                f"the candidates of the search hold {size} numbers, the limit is {MOST_NUMBERS}\n"
+                "  hint: fewer sensors or steps"
+            )
         known = {(j, i): self._rows(j, p) for j, places in enumerate(self.places) for i, p in enumerate(places)}
         rows = np.zeros((len(heights), plant.steps, max(heights), n))
         for c, candidate in enumerate(self.candidates):
@@ -162,7 +166,9 @@ class LookaheadChooser:
         first, last = epoch.index, min(epoch.index + self.depth, len(self.candidates.starts) - 1)
         near = self.candidates.tail(first, last, epoch.factors.root)
         s = near.slice(0)
-        after, costs = expand(near.root[None], near.transition[s], near.noise_root[s], np.ascontiguousarray(near.rows[:, s]), near.kind)
+        after, costs = expand(
+            near.root[None], near.transition[s], near.noise_root[s], np.ascontiguousarray(near.rows[:, s]), near.kind
+        )
         totals = costs[0]
         if last > first + 1:
             totals = totals + np.array([search(self.candidates.tail(first + 1, last, root)).cost for root in after[0]])

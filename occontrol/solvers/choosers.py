@@ -71,7 +71,8 @@ class Fixed:
         elif len(set(self.names)) != len(self.names):
             yield Mistake(("sensor",), "a sensor is named twice")
         elif len(self.names) != problem.select:
-            what = f"{len(self.names)} sensor{'s are' if len(self.names) != 1 else ' is'} named, select is {problem.select}"
+            named = f"{len(self.names)} sensor{'s are' if len(self.names) != 1 else ' is'} named"
+            what = f"{named}, select is {problem.select}"
             yield Mistake(("sensor",), what, "sensor: [one, two] names several")
 
 
@@ -160,7 +161,7 @@ class Optimal:
 
     name: ClassVar[str] = "optimal"
     max_nodes: int = 2_000_000
-    width: int = 5_000
+    width: int = 300
     time_limit: float | None = None
     grid: int = 9
 

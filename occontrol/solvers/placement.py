@@ -36,7 +36,9 @@ def _project(points: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     return np.clip(points, bounds[:, 0], bounds[:, 1])
 
 
-def place(region: Region, step: int, merit: Callable[[np.ndarray], np.ndarray], name: str = "") -> tuple[np.ndarray, float]:
+def place(
+    region: Region, step: int, merit: Callable[[np.ndarray], np.ndarray], name: str = ""
+) -> tuple[np.ndarray, float]:
     """The best location of one sensor at one step.
 
     Parameters
@@ -51,7 +53,6 @@ def place(region: Region, step: int, merit: Callable[[np.ndarray], np.ndarray], 
     Location (d,) and its merit. Of equally good ones (1e-9 relative) the lexicographically first start wins.
     Raises InfeasibleError when no location satisfies the constraints.
     """
-    bounds = region.bounds
     points = grid_of(region, 65 if region.coordinates == 1 else 17)
     allowed = points[region.allowed(step, points)]
     if not len(allowed):
@@ -93,7 +94,9 @@ def _peaks(points: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.array(chosen)
 
 
-def _refine(region: Region, step: int, merit: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray | None:
+def _refine(
+    region: Region, step: int, merit: Callable[[np.ndarray], np.ndarray], start: np.ndarray
+) -> np.ndarray | None:
     from scipy.optimize import minimize
 
     bounds = region.bounds
@@ -118,7 +121,9 @@ def _refine(region: Region, step: int, merit: Callable[[np.ndarray], np.ndarray]
         limits = {"type": "ineq", "fun": lambda q: -region.limits.sample(np.array([step]), at(q)[None])[0, :, 0]}
         found = minimize(objective, q0, bounds=box, constraints=[limits], method="SLSQP", options={"ftol": 1e-14})
     else:
-        found = minimize(objective, q0, bounds=box, method="L-BFGS-B", jac="3-point", options={"ftol": 1e-15, "gtol": 1e-9})
+        found = minimize(
+            objective, q0, bounds=box, method="L-BFGS-B", jac="3-point", options={"ftol": 1e-15, "gtol": 1e-9}
+        )
     place_found = _project(at(np.asarray(found.x)), bounds)
     # the solver may end a hair outside of a curved constraint
     return place_found if region.allowed(step, place_found[None], 1e-9)[0] else None
@@ -139,5 +144,6 @@ def _find_allowed(region: Region, step: int, points: np.ndarray, name: str) -> n
         if region.allowed(step, p[None], 1e-6)[0]:
             return p[None]
     raise InfeasibleError(
-        f"at k = {step} no location of sensor '{name}' satisfies its constraints\n  hint: widen the bounds or a constraint"
+        f"at k = {step} no location of sensor '{name}' satisfies its constraints\n"
+        "  hint: widen the bounds or a constraint"
     )

@@ -1,7 +1,7 @@
 """Choosers: which sensors to use in the epoch that begins now. Chooser, criterion and estimator are apart.
 
-A chooser sees the plant, the epoch and the eigenfactors of P(k|k-1), whoever computed them, and returns a Choice. Larger
-scores win; scores within 1e-10 of the best count as a tie, which goes to the lowest index.
+A chooser sees the plant, the epoch and the eigenfactors of P(k|k-1), whoever computed them, and returns a Choice.
+Larger scores win; scores within 1e-10 of the best count as a tie, which goes to the lowest index.
 Oshman (1994), section IV and remarks 1, 3, 4, 5.
 """
 
@@ -121,7 +121,9 @@ def best_of(scores: np.ndarray, count: int) -> tuple[int, ...]:
     return tuple(sorted(chosen))
 
 
-def placed(epoch: Epoch, merit: Callable[[np.ndarray], np.ndarray]) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
+def placed(
+    epoch: Epoch, merit: Callable[[np.ndarray], np.ndarray]
+) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
     """Put every movable sensor where `merit` of its whitened rows (N, m, n) -> (N,) is largest.
 
     Returns locations by sensor index, and the whitened rows (m, n) of EVERY sensor at the epoch's first step.
@@ -132,7 +134,9 @@ def placed(epoch: Epoch, merit: Callable[[np.ndarray], np.ndarray]) -> tuple[dic
         if region is None:
             rows[j] = sensor.whitened(epoch.start, epoch.start + 1)[0]
             continue
-        locations[j], _ = place(region, epoch.start, lambda p, s=sensor: merit(s.whitened_at(epoch.start, p)), sensor.sensor.name)
+        locations[j], _ = place(
+            region, epoch.start, lambda p, s=sensor: merit(s.whitened_at(epoch.start, p)), sensor.sensor.name
+        )
         rows[j] = sensor.whitened_at(epoch.start, locations[j][None])[0]
     return locations, rows
 
@@ -216,6 +220,22 @@ class FixedChooser:
         epoch : Epoch
         """
         return _choice(tuple(sorted(self.sensors)), *EigenspaceChooser().scores(epoch))
+
+
+@dataclass(frozen=True)
+class HoldChooser:
+    """The same answer for every epoch: what a stopped run goes on with."""
+
+    answer: Choice
+
+    def choose(self, epoch: Epoch) -> Choice:
+        """Repeat the answer.
+
+        Parameters
+        ----------
+        epoch : Epoch
+        """
+        return self.answer
 
 
 @dataclass(frozen=True)

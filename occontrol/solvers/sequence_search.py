@@ -19,8 +19,8 @@ import numpy as np
 from occontrol.core.monitor import Monitor
 from occontrol.numerics.epoch_kernel import advance, expand, undominated
 
-FLOOR_WINDOW = 6  # epochs that a floor looks ahead by search; beyond them the next floor stands
-FLOOR_WIDTH = 100
+FLOOR_WINDOW = 12  # epochs that a floor looks ahead by search; beyond them the next floor stands
+FLOOR_WIDTH = 50
 CHUNK = 4096  # epochs walked between two looks at the clock
 
 
@@ -119,7 +119,7 @@ def _layers(
     width: int,
     budget: _Budget,
 ) -> tuple[float, tuple[int, ...] | None, float, int]:
-    """Best completion of epochs span[0] .. span[1]-1 below `upper`: (cost, sequence or None, lower bound, widest layer).
+    """Best completion of epochs span[0] .. span[1]-1 below `upper`: (cost, sequence or None, lower bound, widest).
 
     The lower bound holds for the cost to the end of the span plus floors[span[1]].
     """
@@ -178,7 +178,7 @@ def search(
     problem: SequenceProblem,
     *,
     incumbents: Sequence[Sequence[int]] = (),
-    width: int = 20_000,
+    width: int = 300,
     max_nodes: float = 5e6,
     monitor: Monitor | None = None,
 ) -> SearchResult:
@@ -187,7 +187,7 @@ def search(
     Parameters
     ----------
     problem : SequenceProblem
-    incumbents : known sequences of candidate indices, one per epoch; the best is kept unless a strictly better one is found
+    incumbents : known sequences of candidate indices, one per epoch; the best stays unless a strictly better is found
     width : nodes kept in a layer; beyond it the search stops being exact and says so through `lower_bound`
     max_nodes : epochs walked before the search returns its best
     monitor : progress, time limit and interruption
@@ -216,7 +216,9 @@ def search(
     watch.report(0, upper, min(upper, float(floors[0])))
     lower, widest = float(floors[0]), 1
     if not budget.stopped:
-        cost, sequence, bound, widest = _layers(problem, problem.root, whole, floors, upper * (1 - 1e-12), width, budget)
+        cost, sequence, bound, widest = _layers(
+            problem, problem.root, whole, floors, upper * (1 - 1e-12), width, budget
+        )
         lower = max(lower, bound if bound < upper * (1 - 1e-12) else upper)
         if sequence is not None:
             upper, best = cost, sequence

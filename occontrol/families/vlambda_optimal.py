@@ -1,0 +1,115 @@
+"""The exact optimum of a selection problem, and the bound that it puts beside anybody's choices."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.monitor import Monitor
+from occontrol.core.schedule import Schedule
+from occontrol.core.solution import Solution, Status
+from occontrol.families.vlambda_problem import Problem
+from occontrol.families.vlambda_result import cost_of, finish
+from occontrol.filtering.selection import Selection, run_selection
+from occontrol.solvers.choosers import Eigenspace, Optimal
+from occontrol.solvers.sensor_choice import Chooser, SequenceChooser
+
+
+def optimal(problem: Problem, method: Optimal, watch: Monitor) -> tuple[Selection, Status, str, dict[str, Any]]:
+    """Search all sequences: the selection, how it ended, what to say, and the numbers of the proof.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : Optimal
+    watch : Monitor
+    """
+    from occontrol.solvers.candidates import candidate_set
+    from occontrol.solvers.sequence_search import search
+
+    candidates = candidate_set(problem, method.grid)
+    known = [] if problem.movable else _incumbents(problem, candidates)
+    outer = watch.time_limit
+    if method.time_limit is not None:
+        limit = method.time_limit + watch.seconds
+        watch.time_limit = limit if outer is None else min(limit, outer)
+    try:
+        found = search(
+            candidates.problem, incumbents=known, width=method.width, max_nodes=method.max_nodes, monitor=watch
+        )
+        timed_out = watch.timed_out
+    finally:
+        watch.time_limit = outer
+    chosen = [candidates.candidates[c] for c in found.sequence]
+    chooser = SequenceChooser(tuple(c.sensors for c in chosen), tuple(c.locations for c in chosen))
+    selection = run_selection(problem.sampled, problem.starts, problem.select, chooser)
+    # the search's recursion and the filter agree to rounding; the bound must not exceed the cost by it
+    lower = min(found.lower_bound, cost_of(problem, selection))
+    where = f", movable sensors on a grid of {method.grid} points a coordinate" if problem.movable else ""
+    if found.proven:
+        status, message = Status.CERTIFIED, f"no sequence of choices is better{where}"
+    elif watch.interrupted:
+        status, message = Status.INTERRUPTED, f"the best so far{where}"
+    else:
+        limit = "time_limit" if timed_out else "max_nodes" if found.stopped else "width"
+        status, message = Status.LIMIT, f"{limit} came before the proof; raise it, or live with the gap{where}"
+    more = {
+        "lower_bound": lower,
+        "nodes": found.nodes,
+        "sequences": float(len(candidates.candidates)) ** problem.epochs,
+        "candidates": len(candidates.candidates),
+    }
+    return selection, status, message, more
+
+
+def _incumbents(problem: Problem, candidates: Any) -> list[list[int]]:
+    """The paper's own sequence: it wins ties, and a good start cuts the search."""
+    selection = run_selection(problem.sampled, problem.starts, problem.select, Eigenspace().chooser(problem))
+    return [[candidates.index_of(c.sensors) for c in selection.choices]]
+
+
+def certify(problem: Problem, schedule: Schedule) -> Solution:
+    """Cost of anybody's choices, beside the bound that the exact search proves.
+
+    Parameters
+    ----------
+    problem : Problem
+    schedule : Schedule over k = 0 .. steps that changes only where an epoch begins and uses `select` sensors
+
+    Raises ProblemError when the schedule is not of that kind. Movable sensors are placed by the paper's rule, and for
+    them no bound is proven, for the search knows only a grid of locations.
+    """
+    watch, began = Monitor(), time.perf_counter()
+    chooser = _given(problem, schedule)
+    selection = run_selection(problem.sampled, problem.starts, problem.select, chooser)
+    more: dict[str, Any] = {}
+    message = "recomputed; no bound is proven with movable sensors"
+    if not problem.movable:
+        bound = optimal(problem, Optimal(), watch)[3]
+        more = {"lower_bound": min(bound["lower_bound"], cost_of(problem, selection)), "nodes": bound["nodes"]}
+        message = "recomputed; the bound is the exact search's"
+    proven = bool(more) and cost_of(problem, selection) - more["lower_bound"] <= 1e-9 * abs(cost_of(problem, selection))
+    status = Status.CERTIFIED if proven else Status.FEASIBLE
+    return finish(problem, "given", began, watch, 0, selection, status, message, more)
+
+
+def _given(problem: Problem, schedule: Schedule) -> Chooser:
+    groups = []
+    for e in range(problem.epochs):
+        begin, end = float(problem.starts[e]), float(problem.starts[e + 1])
+        inside = (schedule.edges[1:] > begin) & (schedule.edges[:-1] < end)
+        weights = schedule.weights[inside]
+        if not len(weights) or np.any(np.abs(weights - weights[0]) > 1e-9):
+            wrong = "says nothing about" if not len(weights) else "changes inside of"
+            what = f"the schedule {wrong} the epoch k = {begin:g} .. {end - 1:g}"
+            raise ProblemError(Mistake((), what, f"choices are made every {problem.epoch} steps"))
+        group = tuple(int(j) for j in np.flatnonzero(weights[0] > 0.5))
+        if len(group) != problem.select or not np.allclose(weights[0][list(group)], 1.0):
+            raise ProblemError(
+                Mistake((), f"the schedule uses {len(group)} sensors at k = {begin:g}, select is {problem.select}")
+            )
+        groups.append(group)
+    return SequenceChooser(tuple(groups))
