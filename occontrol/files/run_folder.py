@@ -64,11 +64,12 @@ def write_run(
         try:
             (stage / PROBLEM).write_text(to_json(document(problem)), encoding="utf-8")
             _write_arrays(stage / ARRAYS, solution.arrays)
-            content = {**solution.as_dict(), "files": {name: _digest(stage / name) for name in (PROBLEM, ARRAYS)}}
+            content = solution.as_dict()
             if extras is not None:
                 extras(stage, content)
-            text = to_json(content)
-            (stage / RESULT).write_text(text, encoding="utf-8")
+            written = sorted(p for p in stage.rglob("*") if p.is_file())
+            content["files"] = {p.relative_to(stage).as_posix(): _digest(p) for p in written}
+            (stage / RESULT).write_text(to_json(content), encoding="utf-8")
             _flush(stage)
             _commit(stage, folder)
         except BaseException:
@@ -102,8 +103,20 @@ def _flush(folder: Path) -> None:
 
 def _commit(stage: Path, folder: Path) -> None:
     _finish(folder)  # what an earlier, killed writer had committed
+    old, new = _written_files(folder), _written_files(stage)
     os.rename(stage, folder / COMMITTED)
     _finish(folder)
+    for name in old - new:  # pictures of the earlier result that the new one does not have
+        (folder / name).unlink(missing_ok=True)
+
+
+def _written_files(folder: Path) -> set[str]:
+    """What the result.json in a folder says was written with it; nothing that lies outside of the folder."""
+    try:
+        names = load_json(folder / RESULT)["files"].keys()
+    except (OSError, ProblemError, TypeError, KeyError, AttributeError):
+        return set()
+    return {name for name in names if not Path(name).is_absolute() and ".." not in Path(name).parts}
 
 
 def _finish(folder: Path) -> None:
