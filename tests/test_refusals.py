@@ -205,3 +205,9 @@ def test_json_has_places_too(tmp_path):
     assert refused(written(tmp_path, '{"family": "athans",}', "x.json"))[0].startswith("1:21: this is not JSON: ")
     assert refused(written(tmp_path, "[" * 100_000, "x.json"))[0] == "1:1: nested deeper than 40 levels"
     assert refused(written(tmp_path, '{"a":' * 45 + "1" + "}" * 45, "x.json"))[0] == "1:1: nested deeper than 40 levels"
+
+
+def test_what_a_file_says_is_quoted_without_control_characters(tmp_path):
+    key = '"\\e[31m' + "x" * 2000 + '"'
+    (line, _) = refused(written(tmp_path, BASE + f"{key}: 1\n"))
+    assert line.startswith(r"12:1: unknown key '\x1b[31mxxx") and len(line) < 700

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 Path = tuple[str | int, ...]
+LONGEST = 600
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,16 @@ class Mistake:
         return replace(self, path=path)
 
     def __str__(self) -> str:
-        place = self.place or spell_path(self.path)
-        text = f"{place}: {self.what}" if place else self.what
-        return f"{text}\n  hint: {self.hint}" if self.hint else text
+        place = printable(self.place or spell_path(self.path))
+        text = f"{place}: {printable(self.what)}" if place else printable(self.what)
+        return f"{text}\n  hint: {printable(self.hint)}" if self.hint else text
+
+
+def printable(text: str) -> str:
+    """What a file says may be quoted to a terminal: no control characters, and not without end."""
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST - 100]} ... {text[-100:]}"
+    return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def spell_path(path: Sequence[str | int]) -> str:

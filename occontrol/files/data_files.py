@@ -232,6 +232,8 @@ def _rows(path: Path, columns: tuple[str, ...], kind: str) -> Iterator[tuple[int
                 yield reader.line_num, row + [""] * (len(columns) - len(row))
     except csv.Error as error:
         raise _wrong(f"{path}:{reader.line_num}", f"this is not CSV: {error}") from None
+    if header is None:
+        raise _wrong(f"{path}:1", "the file is empty", "columns: " + ", ".join(columns))
 
 
 def _number(field: str, name: str, place: str, found: Collector, missing: bool = False) -> float | None:
