@@ -54,14 +54,62 @@ def nees(truth: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> tuple[n
     value = np.zeros(error.shape[:-1])
     degrees = np.zeros(len(covariance), dtype=int)
     for k, P in enumerate(covariance):
-        scale = np.sqrt(np.maximum(np.diag(P), 0.0))
-        kept = scale > 0
-        values, vectors = np.linalg.eigh(P[np.ix_(kept, kept)] / np.outer(scale[kept], scale[kept]))
-        good = values > RANK * max(values[-1] if len(values) else 0.0, 0.0)
-        white = (error[..., k, kept] / scale[kept]) @ (vectors[:, good] / np.sqrt(values[good]))
-        value[..., k] = np.sum(white**2, axis=-1)
-        degrees[k] = int(np.sum(good))
+        white = _whitener(P)
+        value[..., k] = np.sum((error[..., k, :] @ white) ** 2, axis=-1)
+        degrees[k] = white.shape[1]
     return value, degrees
+
+
+def _whitener(P: np.ndarray) -> np.ndarray:
+    """V (n, rank) with V V' the (pseudo-)inverse of P, formed in units of the standard deviations."""
+    scale = np.sqrt(np.maximum(np.diag(P), 0.0))
+    kept = np.flatnonzero(scale > 0)
+    if not len(kept):
+        return np.zeros((len(P), 0))
+    values, vectors = np.linalg.eigh(P[np.ix_(kept, kept)] / np.outer(scale[kept], scale[kept]))
+    good = values > RANK * max(values[-1], 0.0)
+    white = np.zeros((len(P), int(np.sum(good))))
+    white[kept] = vectors[:, good] / np.sqrt(values[good]) / scale[kept, None]
+    return white
+
+
+def expected_nees(problem: SchedulingProblem, schedule: Schedule, model: str = "split") -> np.ndarray:
+    """The mean NEES per degree of freedom that a filter has against the continuous plant, without any simulation.
+
+    1 for the exact model; 1 + O(h^2) for the split model. With e = x - xh, H, d of the plant, Hs, ds of the filter,
+
+        e+ = (F - K Hs) e - K (H - Hs) x - K (d - ds) + w - K v
+
+    so mean and covariance of (x, e) together obey a linear recursion.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    schedule : Schedule with N intervals
+    model : of the filter, "split" or "exact"
+
+    Returns (N+1,), one value per node.
+    """
+    truth, own = exact_model(problem, schedule), MODELS[model](problem, schedule)
+    plan, n = make_plan(own), own.states
+    joint = np.tile(own.covariance, (2, 2))
+    mean, bias = own.mean, np.zeros(n)
+    result = np.ones(own.intervals + 1)
+    for k in range(own.intervals):
+        F, K, S = truth.transition[k], plan.gain[k], truth.cross[k]
+        wrong = K @ (truth.observe[k] - own.observe[k])
+        closed = own.transition[k] - K @ own.observe[k]
+        step = np.block([[F, np.zeros((n, n))], [F - own.transition[k] - wrong, closed]])
+        Q = truth.noise[k]
+        mixed = Q - S @ K.T
+        last = mixed - K @ S.T + K @ truth.reading_noise[k] @ K.T
+        joint = step @ joint @ step.T + np.block([[Q, mixed], [mixed.T, last]])
+        bias = closed @ bias - wrong @ mean - K @ (truth.offset[k] - own.offset[k])
+        mean = F @ mean + truth.input[k]
+        white = _whitener(plan.covariance[k + 1])
+        moment = joint[n:, n:] + np.outer(bias, bias)
+        result[k + 1] = np.sum((moment @ white) * white) / max(1, white.shape[1])
+    return result
 
 
 @dataclass(frozen=True, eq=False)

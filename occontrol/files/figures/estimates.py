@@ -46,6 +46,7 @@ def _estimates(problem, schedule: Schedule | None, estimate: Estimate, truth: Tr
     rows = int(np.ceil(shown / columns))
     what = "error of the estimate" if truth is not None else "estimate"
     subtitle = f"{what} with its ±2σ band" + (f"; the first {shown} of {n} states" if shown < n else "")
+    subtitle += _about_passes(problem)
     figure = style.new_figure((13.33, min(9.0, 2.0 + 1.75 * rows)), problem.name, subtitle)
     panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True)).reshape(rows, columns).T.ravel()
     for i, axes in enumerate(panels):
@@ -78,6 +79,11 @@ def _zoom(axes: Axes, middle: np.ndarray, band: np.ndarray) -> None:
         axes.set_ylim(low - room, high + room)
 
 
+def _about_passes(problem) -> str:
+    windowed = any(getattr(s, "windows", None) for s in getattr(problem, "sensors", ()))
+    return "; grey: a sensor is available, marks at the foot: one is in use" if windowed else ""
+
+
 def _passes(axes: Axes, problem, schedule: Schedule | None) -> None:
     """Pale stripes where some sensor with windows may be used, ticks where one is in use."""
     sensors = getattr(problem, "sensors", ())
@@ -102,6 +108,7 @@ def _prediction(problem, schedule: Schedule | None, estimate: Estimate, truth: T
     shown = min(p, MOST_OUTPUTS)
     at = getattr(problem, "predict_at", estimate.times[-1])
     subtitle = f"w at t = {at:g} as predicted at time t: deviation from the last prediction with its ±2σ band"
+    subtitle += _about_passes(problem)
     figure = style.new_figure((13.33, min(9.0, 2.2 + 2.0 * shown)), problem.name, subtitle)
     panels = np.atleast_1d(figure.subplots(shown, 2, sharex=True, width_ratios=[1.7, 1])).reshape(shown, 2)
     for i, (left, right) in enumerate(panels):

@@ -44,7 +44,7 @@ def _front(front: Front) -> Figure:
         left.set_ylim(bottom=0)
     seen: list[tuple[float, float]] = []
     for alpha, x, y in zip(front.cost_weights, q, e, strict=True):
-        if (x, y) not in seen:
+        if all(abs(x - u) > 0.04 * np.ptp(q) or abs(y - v) > 0.04 * np.ptp(e) for u, v in seen):
             left.annotate(f"{alpha:.2g}", (x, y), (5, 5), textcoords="offset points", fontsize=8, color="#666666")
             seen.append((x, y))
     running = " + running cost" if front.problem.running is not None else ""
