@@ -59,9 +59,9 @@ def _band(axes: Axes, edges: np.ndarray, heights: np.ndarray, base: float, colou
     shown = heights > 0
     if not np.any(shown):
         return
-    tops = base + np.append(heights, heights[-1])
-    where = np.append(shown, shown[-1])
-    axes.fill_between(edges, base, tops, where=where.tolist(), step="post", color=colour, linewidth=0)
+    # both ends of every interval: with step="post" the last interval of a run would be lost
+    ends, tops = np.repeat(edges, 2)[1:-1], base + np.repeat(heights, 2)
+    axes.fill_between(ends, base, tops, where=np.repeat(shown, 2).tolist(), color=colour, linewidth=0)
 
 
 def curves_panel(
