@@ -1,0 +1,254 @@
+"""The commands as a user meets them: what they print, what they write, how they end."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import occontrol
+from occontrol.cli import run
+from occontrol.core.errors import SolveFailed, UsageError
+from occontrol.core.solution import Solution, Status
+from occontrol.files.run_folder import read_run
+from occontrol.library import choose_method
+
+Captured = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_help_loads_no_heavy_library() -> None:
+    code = (
+        "import sys, occontrol\nfrom occontrol.cli import run\n"
+        "assert run(['--help']) == 0\n"
+        "heavy = 'casadi numba scipy matplotlib numpy pydantic clarabel ruamel rich'.split()\n"
+        "print([name for name in heavy if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.slow
+def test_help_is_quick() -> None:
+    def seconds(code: str) -> float:
+        times = []
+        for _ in range(7):
+            started = time.perf_counter()
+            subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+            times.append(time.perf_counter() - started)
+        return min(times)
+
+    assert seconds("from occontrol.cli import main; main(['--help'])") <= 8 * seconds("pass")
+
+
+def test_list_names_families_methods_and_problems(capsys: Captured) -> None:
+    assert run(["list"]) == 0
+    text = capsys.readouterr().out
+    for word in ("athans", "vlambda", "hybrid", "precision", "robust", "hminimal", "best-single", "scalar_on_off.yaml"):
+        assert word in text
+
+
+def test_init_writes_a_problem_that_reads_and_never_over_a_file(capsys: Captured) -> None:
+    assert run(["init", "athans", "mine.yaml"]) == 0
+    assert occontrol.read_problem("mine.yaml").family == "athans"
+    before = Path("mine.yaml").read_text()
+    assert run(["init", "athans", "mine.yaml"]) == 8
+    assert "mine.yaml exists already, it was left as it is" in capsys.readouterr().err
+    assert Path("mine.yaml").read_text() == before
+    assert run(["init", "athens"]) == 2
+    assert "there is no family 'athens'\n  hint: did you mean 'athans'?" in capsys.readouterr().err
+
+
+def test_check_tells_sizes_and_observability_and_solves_nothing(
+    small_file: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("occontrol.families.athans.solve", None)
+    assert run(["check", str(small_file)]) == 0
+    text = capsys.readouterr().out
+    for words in ("two radars", "2 states", "40 intervals", "rank 2 of 2", "availability", "work"):
+        assert words in text
+    assert not Path("runs").exists()
+
+
+def test_solve_writes_a_run_folder_and_prints_its_result(small_file: Path, capsys: Captured) -> None:
+    assert run(["solve", str(small_file), "--json"]) == 0
+    said = capsys.readouterr()
+    content = json.loads(said.out)
+    assert content == json.loads(Path("runs/radars/result.json").read_text())
+    assert said.err == ""  # nothing of the progress away from a terminal
+    assert content["status"] == "certified" and content["relative_gap"] < 0.01
+    made = {str(p.relative_to("runs/radars")) for p in Path("runs/radars").rglob("*") if p.is_file()}
+    figures = {f"figures/{name}.png" for name in ("overview", "schedule", "deviations", "switching", "convergence")}
+    assert made == {"problem.json", "result.json", "arrays.npz", "report.html"} | figures
+    assert "<h1>two radars</h1>" in Path("runs/radars/report.html").read_text()
+    assert read_run("runs/radars")[1].cost == content["cost"]
+
+
+def test_solve_prints_a_summary_for_people(small_file: Path, capsys: Captured) -> None:
+    assert run(["solve", str(small_file), "--out", "here", "--no-figures", "--method", "greedy"]) == 0
+    text = capsys.readouterr().out
+    for words in ("status", "cost", "lower bound", "gap", "greedy", "here/"):
+        assert words in text
+    assert not Path("here/figures").exists()
+
+
+def test_another_method_keeps_the_options_that_the_file_states(small_file: Path) -> None:
+    problem = occontrol.read_problem(small_file)
+    stated = dataclasses.replace(problem, method=occontrol.RelaxRoundPolish(relative_gap=3e-3))
+    assert choose_method(stated, "relaxed") == occontrol.Relaxed(relative_gap=3e-3)
+    assert choose_method(stated, "schedule") is stated.method
+    with pytest.raises(UsageError, match="did you mean 'hminimal'"):
+        choose_method(problem, "hminmal")
+
+
+def test_usage_mistakes_end_with_2(small_file: Path, capsys: Captured) -> None:
+    assert run(["solve", str(small_file), "--method", "relaxd"]) == 2
+    assert "family athans has no method 'relaxd'\n  hint: did you mean 'relaxed'?" in capsys.readouterr().err
+    for words in (["solve"], ["solve", "x.yaml", "--nonsense"], ["nonsense"], ["certify", str(small_file)]):
+        assert run(words) == 2
+        assert capsys.readouterr().err
+    assert run(["tradeoff", str(small_file), "--weights", "3:1"]) == 2
+    assert "'3:1' is not FROM:TO:COUNT" in capsys.readouterr().err
+
+
+def test_a_bad_problem_ends_with_3_and_every_mistake(small_text: str, capsys: Captured) -> None:
+    bad = small_text.replace("C: [[1, 0]]", "C: [[1, 0, 0]]").replace("cost: 0.5", "cost: -1")
+    Path("bad.yaml").write_text(bad)
+    assert run(["solve", "bad.yaml", "--json"]) == 3
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "bad.yaml:9:22: C" in said.err and "C of sensor 'range' is 1x3, but the plant has 2 states" in said.err
+    assert "bad.yaml:10:56: cost" in said.err and "cost of sensor 'doppler' is -1" in said.err
+
+
+@pytest.mark.parametrize("flag", [["--json"], []])
+def test_an_infeasible_problem_ends_with_4_and_says_when(small_text: str, capsys: Captured, flag: list[str]) -> None:
+    nobody = small_text.replace("  - idle\n", "").replace("cost: 0.5", "cost: 0.5, windows: [[0, 1]]")
+    Path("nobody.yaml").write_text(nobody)
+    assert run(["solve", "nobody.yaml", *flag]) == 4
+    said = capsys.readouterr()
+    assert "between t = 2 and 2.1 no sensor is available" in said.err
+    assert not Path("runs").exists()
+    if flag:
+        content = json.loads(said.out)
+        assert content["status"] == "infeasible" and "t = 2 and 2.1" in content["message"]
+    assert run(["check", "nobody.yaml"]) == 4
+
+
+def test_a_limit_ends_with_5_and_the_best_is_written(small_text: str, capsys: Captured) -> None:
+    hasty = small_text.replace("relative_gap: 1.0e-4", "relative_gap: 1.0e-9, max_iterations: 1")
+    Path("hasty.yaml").write_text(hasty)
+    assert run(["solve", "hasty.yaml", "--json", "--no-figures"]) == 5
+    content = json.loads(capsys.readouterr().out)
+    assert content["status"] == "limit" and content["lower_bound"] <= content["cost"]
+    assert read_run("runs/hasty")[1].cost == content["cost"]
+
+
+def test_a_disagreement_ends_with_7_and_is_written(
+    small_file: Path, small_solution: Solution, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong = dataclasses.replace(small_solution, status=Status.DISAGREES, message="the integrator says 3")
+    monkeypatch.setattr("occontrol.families.athans.solve", lambda *_: wrong)
+    assert run(["solve", str(small_file), "--json", "--no-figures"]) == 7
+    assert json.loads(capsys.readouterr().out)["status"] == "disagrees"
+    assert read_run("runs/radars")[1].status is Status.DISAGREES
+
+
+def test_a_failed_solver_ends_with_6_without_a_run_folder(
+    small_file: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise SolveFailed("no step was acceptable\n  hint: raise max_iterations")
+
+    monkeypatch.setattr("occontrol.families.athans.solve", fail)
+    assert run(["solve", str(small_file)]) == 6
+    assert "hint: raise max_iterations" in capsys.readouterr().err
+    assert not Path("runs").exists()
+
+
+def test_the_unexpected_ends_with_6_and_one_message(
+    small_file: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("by\nnothing")
+
+    monkeypatch.setattr("occontrol.families.athans.solve", fail)
+    monkeypatch.delenv("OCCONTROL_DEBUG", raising=False)
+    assert run(["solve", str(small_file)]) == 6
+    err = capsys.readouterr().err
+    assert err.startswith("unexpected ZeroDivisionError: by nothing\n") and "Traceback" not in err
+    monkeypatch.setenv("OCCONTROL_DEBUG", "1")
+    with pytest.raises(ZeroDivisionError):
+        run(["solve", str(small_file)])
+
+
+def test_what_cannot_be_read_or_written_ends_with_8(small_file: Path, capsys: Captured) -> None:
+    assert run(["solve", "missing.yaml"]) == 8
+    assert "missing.yaml" in capsys.readouterr().err
+    Path("taken").write_text("mine")
+    assert run(["solve", str(small_file), "--out", "taken"]) == 8
+    assert "taken is not a folder" in capsys.readouterr().err
+    assert Path("taken").read_text() == "mine"
+
+
+def test_a_picture_that_cannot_be_drawn_costs_nobody_the_result(
+    small_file: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("no ink")
+
+    monkeypatch.setattr("occontrol.files.report.figures_of", fail)
+    assert run(["solve", str(small_file)]) == 0
+    assert "the figures could not be drawn: ValueError: no ink" in capsys.readouterr().err
+    assert read_run("runs/radars")[1].status is Status.CERTIFIED
+
+
+def test_certify_recomputes_schedules_and_catches_what_a_run_folder_claims(small_file: Path, capsys: Captured) -> None:
+    assert run(["solve", str(small_file), "--json", "--no-figures"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    Path("mine.csv").write_text("start,end,sensors\n0,4,doppler\n")
+    assert run(["certify", str(small_file), "mine.csv", "--json"]) == 0
+    mine = json.loads(capsys.readouterr().out)
+    assert mine["cost"] > content["cost"] and mine["lower_bound"] <= content["cost"] * (1 + 1e-12)
+    assert run(["certify", str(small_file), "runs/radars/result.json", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["cost"] == pytest.approx(content["cost"], rel=1e-12)
+    assert run(["certify", "runs/radars"]) == 0
+    capsys.readouterr()
+    Path("runs/radars/result.json").write_text(json.dumps({**content, "cost": content["cost"] * 0.99}))
+    assert run(["certify", "runs/radars"]) == 7
+    assert "the stated cost is" in "".join(capsys.readouterr())
+
+
+def test_compare_sets_methods_side_by_side(small_file: Path, capsys: Captured) -> None:
+    assert run(["compare", str(small_file), "--methods", "schedule,best-single,greedy"]) == 0
+    text = capsys.readouterr().out
+    for word in ("schedule", "best-single", "greedy", "above best bound", "switches", "seconds"):
+        assert word in text
+    records = json.loads(Path("runs/radars-compare/compare.json").read_text())
+    assert [r["method"] for r in records] == ["schedule", "best-single", "greedy"]
+    assert all(r["gap_to_best_bound"] >= 0 for r in records)
+    assert Path("runs/radars-compare/compare.png").stat().st_size > 10_000
+    assert run(["compare", str(small_file), "--methods", "schedule,magic"]) == 2
+    assert "no method 'magic'" in capsys.readouterr().err
+
+
+def test_export_needs_the_run_folder_alone(small_file: Path, capsys: Captured) -> None:
+    assert run(["solve", str(small_file), "--no-figures"]) == 0
+    capsys.readouterr()
+    small_file.unlink()
+    assert run(["export", "runs/radars", "--to", "csv", "--out", "tables"]) == 0
+    assert "tables/schedule.csv" in capsys.readouterr().out
+    assert run(["export", "runs/radars", "--to", "json"]) == 0
+    assert Path("runs/radars/export.json").exists()
+    assert run(["export", "runs/radars", "--to", "exel"]) == 2
+    assert "there is no format 'exel'" in capsys.readouterr().err
+    assert run(["export", "nowhere", "--to", "csv"]) == 3
