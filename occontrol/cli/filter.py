@@ -31,6 +31,7 @@ def filter_measurements(
 ) -> int:
     """Estimate the state, and predict the output, from a file of measurements; the run folder is all it needs."""
     from occontrol.core.errors import ProblemError
+    from occontrol.families import family_module
     from occontrol.files.data_files import read_measurements
     from occontrol.files.run_folder import read_run
     from occontrol.files.tables import write_estimate
@@ -51,7 +52,8 @@ def filter_measurements(
     for remark in estimate.notes:
         note(remark)
     if known is not None:
-        note(_truth_remark(estimate, known, source))
+        judge = getattr(family_module(problem.family), "truth_remark", _truth_remark)
+        note(judge(estimate, known, source))
     written = _draw(problem, solution, estimate, known, out) if figures else []
     note(f"{len(estimate.times)} estimates in {out}" + (f", pictures in {', '.join(written)}" if written else ""))
     return 0
@@ -76,11 +78,10 @@ def _truth_remark(estimate: Any, truth: Trajectory, source: Any) -> str:
 
 
 def _draw(problem: Any, solution: Any, estimate: Any, truth: Trajectory | None, out: Path) -> list[str]:
-    from occontrol.files.figures import save
-    from occontrol.files.figures.estimates import draw
+    from occontrol.files.figures import estimate_figures, save
 
     try:
-        drawn = draw(problem, solution, estimate, truth)
+        drawn = estimate_figures(problem, solution, estimate, truth)
     except (ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RuntimeError) as error:
         note(f"the pictures could not be drawn: {type(error).__name__}: {error}")
         return []

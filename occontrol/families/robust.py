@@ -17,7 +17,7 @@ from occontrol.core.solution import Solution, Status
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.robust_problem import Problem
 from occontrol.families.robust_result import finish, finish_shares, infeasible
-from occontrol.families.robust_text import describe, summarise
+from occontrol.families.robust_text import describe, summarise, truth_remark
 from occontrol.solvers.robust_methods import All, BestSingle, Fixed, OneStep, Optimal, Random, RelaxedShares, RoundRobin
 from occontrol.solvers.robust_slots import Slots, one_step, slot_table
 
@@ -33,6 +33,7 @@ __all__ = [
     "solve",
     "summarise",
     "table",
+    "truth_remark",
 ]
 
 METHODS: dict[str, type] = {

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from occontrol.core.solution import Solution, Status
+from occontrol.core.trajectory import Trajectory
 from occontrol.families.robust_problem import Problem
 
 
@@ -83,3 +86,21 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     lines.append(("work", f"{M}^{N} = {float(M) ** N if N * np.log10(M) < 300 else np.inf:.3g} sequences; "
                           f"the search looks at a few times {N * M} nodes in the good case"))  # fmt: skip
     return lines
+
+
+def truth_remark(estimate: Any, truth: Trajectory, source: Any) -> str:
+    """Whether the set of possible states held the truth at every time.
+
+    Parameters
+    ----------
+    estimate : Estimate of the set-membership estimator
+    truth : Trajectory at the estimate's times
+    source : the file that it came from
+    """
+    away = truth.values - estimate.mean
+    share = np.array([x @ np.linalg.pinv(S) @ x for x, S in zip(away, estimate.covariance, strict=True)])
+    inside = int(np.sum(share <= 1 + 1e-9))
+    return (
+        f"{inside} of {len(share)} true states in {source} lie inside the set; the closest call uses "
+        f"{100 * float(np.sqrt(np.max(share))):.4g} % of the way to its edge"
+    )

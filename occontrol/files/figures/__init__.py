@@ -34,6 +34,14 @@ def compare_figure(problem: Any, solutions: Mapping[str, Solution]) -> Figure | 
     return module.draw_compare(problem, solutions) if hasattr(module, "draw_compare") else None
 
 
+def estimate_figures(problem: Any, solution: Solution, estimate: Any, truth: Any = None) -> dict[str, Figure]:
+    """The figures of an `estimate`: the family's own where it has some, those of the filters otherwise."""
+    own = getattr(_module(problem.family), "draw_estimate", None)
+    if own is None:
+        from occontrol.files.figures.estimates import draw as own
+    return own(problem, solution, estimate, truth)
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write `figure` as a picture to `path`, in the format that its suffix names."""
     figure.savefig(path, dpi=150, facecolor="white")
