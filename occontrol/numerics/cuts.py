@@ -23,7 +23,7 @@ class Cuts:
     size : cuts kept
     """
 
-    def __init__(self, shape: tuple[int, int], upper: np.ndarray, select: int, size: int = 12):
+    def __init__(self, shape: tuple[int, int], upper: np.ndarray, select: int, size: int = 20):
         self.upper, self.select, self.size = upper, select, size
         self._g = np.zeros((size, *shape))
         self._a = np.full(size, -np.inf)
@@ -42,7 +42,7 @@ class Cuts:
         self._a[slot] = cost - float(np.vdot(self._g[slot], weights))
         self._next += 1
 
-    def bound(self, rounds: int = 25) -> float:
+    def bound(self, rounds: int = 50) -> float:
         """The best mixture found in `rounds` steps of entropic ascent; valid whenever it stops."""
         count = min(self._next, self.size)
         a, G = self._a[:count], self._g[:count].reshape(count, -1)

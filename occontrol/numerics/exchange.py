@@ -143,7 +143,7 @@ def best_exchanges(sweep: Sweep, weights: np.ndarray) -> tuple[np.ndarray, np.nd
 
     Parameters
     ----------
-    sweep : Sweep with `prepare_hessian` done, whose last `cost_and_gradient` was at `weights`
+    sweep : Sweep with `remember_products` done, whose last `cost_and_gradient` was at `weights`
     weights : (N, M) integral policy
 
     Returns gain (N,) <= 0 (0 where no exchange helps), leaving (N,) and entering (N,) sensor indices, -1 for none.
@@ -152,6 +152,6 @@ def best_exchanges(sweep: Sweep, weights: np.ndarray) -> tuple[np.ndarray, np.nd
     gain, leaving, entering = np.zeros(N), np.full(N, -1), np.full(N, -1)
     _best_exchanges(
         r.transition, r.predict, r.rows, r.row_set, r.offsets, r.steps, weights, r.upper, r.cost,
-        sweep._store, sweep._products, gain, leaving, entering,
+        *sweep.kept, gain, leaving, entering,
     )  # fmt: skip
     return gain, leaving, entering

@@ -120,7 +120,7 @@ def forward_small(k0, k1, S, T, F, FT, Q, predict, rows, row_set, offsets, steps
 def backward_small(k0, k1, V, U, F, predict, rows, row_set, offsets, steps, v, upper, cost, store, gradient, T, G):
     """Rows k1-1..k0 of the gradient without a running weight; V (p, n) with P = V'V is changed in place.
 
-    G (N, r, p), unless empty, receives c_r'x with x = S+ V' for the Hessian products.
+    G (N, r, p), unless empty, receives c_r'x with x = S+ V' (what numerics/exchange.py starts from).
     """
     remember = G.shape[0] > 0
     p, n = V.shape

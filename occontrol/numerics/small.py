@@ -1,4 +1,5 @@
-"""Compiled Cholesky arithmetic for matrices of a few rows, where a LAPACK call (and even an allocation) costs more than the work.
+"""Compiled Cholesky arithmetic for matrices of a few rows, where a LAPACK call (and even an allocation) costs more
+than the work.
 
 Unknowns: the lower triangle L of S = L L'. Everything else (log-determinants, solves) follows from L.
 """

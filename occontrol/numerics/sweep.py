@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occontrol.numerics import kernels, tangent
+from occontrol.numerics import kernels
 from occontrol.numerics.discretise import HalfPredicts, Recursion
 
 SMALL = 10  # states up to which hand-written loops beat BLAS calls (measured by scripts/bench.py)
@@ -72,8 +72,7 @@ class Sweep:
             self._V, self._U, self._W = np.empty((p, n)), np.empty((p, n)), np.empty((p, n))
             self._G = np.empty((rows, p))
             self._products = np.empty((0, rows, p))
-            self._tangent_work: tuple[np.ndarray, ...] = ()
-        self.forward_count = self.backward_count = self.hessian_count = 0
+        self.forward_count = self.backward_count = 0
 
     def _forward(self, k0: int, k1: int, weights: np.ndarray, store: np.ndarray) -> float:
         r = self.recursion
@@ -140,38 +139,20 @@ class Sweep:
             )
 
     @property
-    def outputs(self) -> int:
-        """Rank p of the terminal weight."""
-        return len(self._root)
-
-    @property
-    def has_hessian(self) -> bool:
-        """Whether `hessian_product` is there: no running weight, and all covariances fit the memory budget."""
+    def has_products(self) -> bool:
+        """Whether `remember_products` is there: no running weight, and all covariances fit the memory budget."""
         return not self.dense and self._segment >= self.recursion.intervals
 
-    def prepare_hessian(self) -> None:
-        """Allocate what `hessian_product` needs; call before the `cost_and_gradient` whose point it is to be used at."""
+    def remember_products(self) -> None:
+        """Make every later `cost_and_gradient` keep S+ and G = C S+ V' of all rows, for numerics/exchange.py."""
         if not len(self._products):
-            r, (p, n) = self.recursion, self._V.shape
-            rows = r.rows.shape[1]
-            self._products = np.empty((r.intervals, rows, p))
-            self._tangent_work = (np.empty((r.intervals, p, n)), np.empty((p, n)), np.empty((p, n)))
+            r = self.recursion
+            self._products = np.empty((r.intervals, r.rows.shape[1], len(self._root)))
 
-    def hessian_product(self, weights: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """H d (N, M) at the point of the last `cost_and_gradient`, which must have been `weights`.
-
-        Positive semidefinite because J is convex; entries of sensors that are not available are zero.
-        """
-        r = self.recursion
-        result = np.empty_like(direction)
-        head = (r.transition, r.predict, r.rows, r.row_set, r.offsets, r.steps, weights, direction, r.upper)
-        tail = (self._store, self._products, *self._tangent_work, result)
-        if self.small:
-            tangent.hessian_small(*head, *tail)
-        else:
-            tangent.hessian_large(*head, *tail, self._G, np.empty_like(self._G))
-        self.hessian_count += 1
-        return result
+    @property
+    def kept(self) -> tuple[np.ndarray, np.ndarray]:
+        """S+ (N, n, n) and G (N, r, p) of the last `cost_and_gradient`; valid after `remember_products`."""
+        return self._store, self._products
 
 
 def _factor(matrix: np.ndarray) -> np.ndarray:

@@ -123,9 +123,9 @@ def polish(sweep: Sweep, start: np.ndarray, max_rounds: int = 200, monitor: Moni
     Returns SweepOutcome; `lower_bound` is -inf (polishing proves nothing).
     """
     monitor = monitor or Monitor()
-    if not sweep.has_hessian:
+    if not sweep.has_products:
         return _polish_by_trial(sweep, start, max_rounds, monitor)
-    sweep.prepare_hessian()
+    sweep.remember_products()
     r = sweep.recursion
     v = start.copy()
     J, _ = sweep.cost_and_gradient(v)

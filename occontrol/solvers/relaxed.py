@@ -1,8 +1,8 @@
 """The convex relaxation, v in the simplex instead of its corners, to a certified gap.
 
-Limited-memory BFGS on the face of V, projected back into V (numerics/quasi_newton.py); where exact Hessian products cost
-far less than a gradient (many states, few predicted outputs), projected Newton on them takes over. Every gradient is a
-cut; the best bound that the cuts prove, alone or mixed (numerics/cuts.py), is kept, and it alone decides when to stop.
+Limited-memory BFGS on the face of V, projected back into V (numerics/quasi_newton.py). Every gradient is a cut; the best
+bound that the cuts prove, alone or mixed (numerics/cuts.py), is kept, and it alone decides when to stop. What else was
+tried, with its figures, stands in docs/solver.md.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from occontrol.core.solution import Status
 from occontrol.numerics.cuts import Cuts
 from occontrol.numerics.polytope import excess, project, uniform, vertex
 from occontrol.numerics.quasi_newton import FaceBFGS
-from occontrol.numerics.simplex_qp import minimise_quadratic
 from occontrol.numerics.sweep import Sweep
+
+
+PAIR_BYTES = 300_000_000
 
 
 @dataclass(frozen=True)
@@ -28,16 +30,12 @@ class RelaxedOptions:
     ----------
     relative_gap : target of (J - bound)/|J|
     max_iterations : steps
-    engine : "auto", "bfgs" or "newton"
-    memory : pairs of the quasi-Newton method
-    max_products : Hessian products per Newton step
+    memory : pairs of the quasi-Newton method, fewer where they would take more than PAIR_BYTES
     """
 
     relative_gap: float = 1e-4
     max_iterations: int = 3000
-    engine: str = "auto"
-    memory: int = 20
-    max_products: int = 200
+    memory: int = 60
 
 
 @dataclass
@@ -52,7 +50,7 @@ class RelaxedOutcome:
     gradient : (N, M) at `weights`
     iterations : steps
     status : certified, limit or interrupted
-    sweeps : how many gradients, costs and Hessian products it took
+    sweeps : how many gradients and costs it took
     """
 
     weights: np.ndarray
@@ -82,18 +80,13 @@ def minimise_relaxed(
     r = sweep.recursion
     upper, select = r.upper, r.select
     v = uniform(upper, select) if start is None else start
-    newton = options.engine == "newton" or (options.engine == "auto" and _products_are_cheap(sweep))
-    newton = newton and sweep.has_hessian
-    if newton:
-        sweep.prepare_hessian()
-    memory = FaceBFGS(v.shape, options.memory)
+    memory = FaceBFGS(v.shape, max(5, min(options.memory, PAIR_BYTES // (16 * v.size))))
     cuts = Cuts(v.shape, upper, select)
-    before = (sweep.backward_count, sweep.forward_count, sweep.hessian_count)
+    before = (sweep.backward_count, sweep.forward_count)
     J, g = sweep.cost_and_gradient(v)
     gap = float(np.sum(excess(v, g, upper, select)))
     bound = J - gap
     cuts.add(J, g, v)
-    step = _first_step(g, upper)
     iteration = stalled = 0
     while True:
         monitor.report(iteration, J, bound)
@@ -110,14 +103,7 @@ def minimise_relaxed(
             status = Status.LIMIT
             break
         iteration += 1
-        if newton and gap < 0.05 * abs(J):
-            aim = max(0.1 * gap, 0.2 * target)
-            w, _, _ = minimise_quadratic(
-                lambda d, v=v: sweep.hessian_product(v, d), g, v, upper, select, aim, options.max_products, step
-            )
-            found = _along(sweep, v, J, g, w - v)
-        else:
-            found = _bent(sweep, v, J, g, memory.direction(v, g, upper))
+        found = _bent(sweep, v, J, g, memory.direction(v, g, upper))
         if found is None:
             # no descent: drop the curvature and take the conditional-gradient direction, downhill unless v is optimal
             memory.reset()
@@ -133,27 +119,10 @@ def minimise_relaxed(
         gap = float(np.sum(excess(v, g, upper, select)))
         bound = max(bound, J - gap)
         cuts.add(J, g, v)
-    names = ("gradients", "costs", "products")
-    after = (sweep.backward_count, sweep.forward_count, sweep.hessian_count)
+    names = ("gradients", "costs")
+    after = (sweep.backward_count, sweep.forward_count)
     spent = {name: b - a for name, a, b in zip(names, before, after, strict=True)}
     return RelaxedOutcome(v, J, min(bound, J), g, iteration, status, spent)
-
-
-def _products_are_cheap(sweep: Sweep) -> bool:
-    """Whether a Hessian product costs less than an eighth of a gradient, by operation count."""
-    if not sweep.has_hessian:
-        return False
-    n, p, rows = sweep.recursion.states, sweep.outputs, sweep.recursion.rows.shape[1]
-    product = 8 * n * n * p + 8 * rows * n * p
-    gradient = 4 * n**3 + 4 * n * n * p + 2 * rows * n * p
-    return product < gradient / 8
-
-
-def _first_step(g: np.ndarray, upper: np.ndarray) -> float:
-    """A projected gradient step that moves weights by about their own size."""
-    spread = np.where(upper > 0, g, np.nan)
-    width = float(np.nanmax(np.nanmax(spread, axis=1) - np.nanmin(spread, axis=1)))
-    return 1.0 / width if width > 0 else 1.0
 
 
 def _bent(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray):
