@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.core.discrete_sensor import Region
 from occontrol.core.solution import Solution
 from occontrol.families.vlambda_problem import Problem
 
@@ -47,18 +48,26 @@ def _seconds(problem: Problem) -> float:
     )
 
 
+def _places(region: Region | None) -> list[np.ndarray | None]:
+    """A few places inside of a box, none of them at a point of symmetry."""
+    if region is None:
+        return [None]
+    low, high = region.bounds[:, 0], region.bounds[:, 1]
+    return [low + share * (high - low) for share in (0.17, 0.41, 0.73)]
+
+
 def _observability(problem: Problem) -> str:
-    """Rank of C(k) Phi(k, 0), k = 0 .. n-1, with all sensors (movable ones in the middle of their boxes) together."""
+    """Rank of C(k) Phi(k, 0), k = 0 .. n-1, with all sensors (movable ones at a few places) together."""
     plant, n = problem.sampled, problem.states
     product, blocks = np.eye(n), []
     for k in range(min(n, plant.steps)):
         for sensor in plant.sensors:
-            middle = None if sensor.sensor.location is None else sensor.sensor.location.bounds.mean(axis=1)
-            try:
-                block = sensor.whitened(k, k + 1, middle)[0] @ product
-            except np.linalg.LinAlgError:
-                continue
-            blocks.append(block / max(float(np.linalg.norm(block)), 1e-300))
+            for place in _places(sensor.sensor.location):
+                try:
+                    block = sensor.whitened(k, k + 1, place)[0] @ product
+                except np.linalg.LinAlgError:
+                    continue
+                blocks.append(block / max(float(np.linalg.norm(block)), 1e-300))
         product = plant.transition[k] @ product
         product /= max(float(np.linalg.norm(product)), 1e-300)
     rank = int(np.linalg.matrix_rank(np.concatenate(blocks), tol=1e-10)) if blocks else 0

@@ -15,8 +15,10 @@ import numpy as np
 from occontrol.core.discrete_sensor import Region
 from occontrol.core.errors import InfeasibleError
 
-STARTS = 6  # points that are refined
+STARTS = 5  # points that are refined
 MOST_POINTS = 4096
+STEP = 1e-5  # of the central differences, in units of the box
+_FINE = {"ftol": 1e-14}
 
 
 def grid_of(region: Region, per_coordinate: int) -> np.ndarray:
@@ -101,30 +103,33 @@ def _refine(
 
     bounds = region.bounds
     span = bounds[:, 1] - bounds[:, 0]
-    free = span > 0
+    free = np.flatnonzero(span > 0)
     scale = abs(float(merit(start[None])[0])) or 1.0
+    if not len(free):
+        return None
 
     def at(q: np.ndarray) -> np.ndarray:
-        p = bounds[:, 0].copy()
-        p[free] = bounds[free, 0] + q * span[free]
-        return p
+        points = np.tile(bounds[:, 0], (len(q), 1))
+        points[:, free] = bounds[free, 0] + q * span[free]
+        return points
 
-    def objective(q: np.ndarray) -> float:
-        value = float(merit(at(q)[None])[0])
-        return -value / scale if np.isfinite(value) else 1e10
+    def objective(q: np.ndarray) -> tuple[float, np.ndarray]:
+        """Value and central-difference gradient from one batch of points, one-sided at the walls."""
+        up, down = np.minimum(q + STEP, 1.0) - q, q - np.maximum(q - STEP, 0.0)
+        points = np.concatenate([q[None], q + np.diag(up), q - np.diag(down)])
+        values = -_finite(merit(at(points))) / scale
+        values = np.where(np.isfinite(values), values, 1e10)
+        d = len(q)
+        return float(values[0]), (values[1 : d + 1] - values[d + 1 :]) / (up + down)
 
-    q0 = ((start - bounds[:, 0])[free]) / span[free]
-    if not len(q0):
-        return None
+    q0 = (start - bounds[:, 0])[free] / span[free]
     box = [(0.0, 1.0)] * len(q0)
     if region.constraints:
-        limits = {"type": "ineq", "fun": lambda q: -region.limits.sample(np.array([step]), at(q)[None])[0, :, 0]}
-        found = minimize(objective, q0, bounds=box, constraints=[limits], method="SLSQP", options={"ftol": 1e-14})
+        limits = {"type": "ineq", "fun": lambda q: -region.limits.sample(np.array([step]), at(q[None]))[0, :, 0]}
+        found = minimize(objective, q0, jac=True, bounds=box, constraints=[limits], method="SLSQP", options=_FINE)
     else:
-        found = minimize(
-            objective, q0, bounds=box, method="L-BFGS-B", jac="3-point", options={"ftol": 1e-15, "gtol": 1e-9}
-        )
-    place_found = _project(at(np.asarray(found.x)), bounds)
+        found = minimize(objective, q0, jac=True, bounds=box, method="L-BFGS-B", options={"ftol": 1e-15, "gtol": 1e-9})
+    place_found = _project(at(np.asarray(found.x)[None])[0], bounds)
     # the solver may end a hair outside of a curved constraint
     return place_found if region.allowed(step, place_found[None], 1e-9)[0] else None
 
@@ -137,11 +142,15 @@ def _find_allowed(region: Region, step: int, points: np.ndarray, name: str) -> n
         values = region.limits.sample(np.array([step]), p[None])[0, :, 0]
         return float(np.sum(np.maximum(values, 0.0) ** 2)) if np.all(np.isfinite(values)) else 1e10
 
-    starts = sorted(points, key=violation)[:STARTS]
-    for start in starts:
-        found = minimize(violation, start, bounds=[tuple(b) for b in region.bounds], method="L-BFGS-B")
+    limits = {"type": "ineq", "fun": lambda p: -region.limits.sample(np.array([step]), p[None])[0, :, 0]}
+    box = [tuple(b) for b in region.bounds]
+    for start in sorted(points, key=violation)[:STARTS]:
+        # the nearest allowed point
+        found = minimize(
+            lambda p, start=start: float(np.sum((p - start) ** 2)), start, bounds=box, constraints=[limits], method="SLSQP"
+        )
         p = _project(np.asarray(found.x), region.bounds)
-        if region.allowed(step, p[None], 1e-6)[0]:
+        if region.allowed(step, p[None], 1e-7)[0]:
             return p[None]
     raise InfeasibleError(
         f"at k = {step} no location of sensor '{name}' satisfies its constraints\n"
