@@ -12,6 +12,7 @@ from occontrol.core.nonlinear_measurement import NonlinearMeasurement
 from occontrol.core.nonlinear_plant import LARGEST_SIZE, NonlinearPlant
 from occontrol.equations.moments import Moments
 from occontrol.families.precision_problem import Problem
+from occontrol.files.plain_json import plain
 from occontrol.files.schema.common import (
     Context,
     Entries,
@@ -21,7 +22,6 @@ from occontrol.files.schema.common import (
     Strict,
     Whole,
     options_document,
-    plain,
     prune,
 )
 from occontrol.files.schema.matrices import ENTRY, MATRIX_SCHEMA
