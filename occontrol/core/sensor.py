@@ -20,9 +20,9 @@ def check_name(name: Any, found: Collector) -> None:
         found.add(("name",), f"the name of a sensor is {name!r}", "a word or words, without blanks at the ends")
     elif len(name) > 100 or not name.isprintable():
         found.add(("name",), f"the sensor name {name[:40]!r} is not usable", "up to 100 printable characters")
-    elif set(name) & set(";,\"'"):
+    elif set(name) & set(';,"'):
         hint = "names stand in the columns of CSV files: use letters, digits, blanks, - and _"
-        found.add(("name",), f"the sensor name {name} holds one of ; , \" '", hint)
+        found.add(("name",), f'the sensor name {name} holds one of ; , "', hint)
 
 
 @dataclass(frozen=True, eq=False)

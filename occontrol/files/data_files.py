@@ -18,7 +18,7 @@ from occontrol.core.measurement import Measurement
 from occontrol.core.schedule import Schedule
 from occontrol.files.positions import Text, in_order
 from occontrol.files.problem_file import read_text
-from occontrol.files.segments import Segment, schedule_of
+from occontrol.files.segments import Segment, grid_of, schedule_of
 
 MAX_BYTES = 64 * 2**20
 
@@ -30,17 +30,17 @@ def read_schedule(path: str | Path, problem: Any) -> Schedule:
     ----------
     path : CSV with the columns start, end, sensors (names joined by ';'); JSON, a list of
         {start, end, sensors[, weights]} or a dict that has it under 'schedule'; or a run folder
-    problem : a problem with `edges` and `sensors`
+    problem : a problem whose sensors are chosen on a grid of times or epochs
 
     Raises ProblemError with every mistake as file:line, FileAccessError when the file cannot be read.
     """
     path = Path(path)
-    if not hasattr(problem, "edges") or not hasattr(problem, "sensors"):
+    if len(grid_of(problem)) < 2 or not hasattr(problem, "sensors"):
         raise ProblemError(f"a problem of family {problem.family} has no schedule over time to read", "")
     if path.is_dir():
         segments = _from_run(path)
     elif path.suffix.lower() == ".json":
-        segments = _from_json(path)
+        segments = _from_json(path, float(grid_of(problem)[-1]))
     elif path.suffix.lower() == ".csv":
         segments = _from_csv(path)
     else:
@@ -148,7 +148,7 @@ def _from_csv(path: Path) -> list[Segment]:
     return segments
 
 
-def _from_json(path: Path) -> list[Segment]:
+def _from_json(path: Path, end: float) -> list[Segment]:
     from occontrol.files.json_text import read_json
 
     text = read_json(read_text(path, MAX_BYTES, "schedule"), str(path))
@@ -159,6 +159,7 @@ def _from_json(path: Path) -> list[Segment]:
         what = "there is no 'schedule'" if prefix else "this is not a schedule"
         raise _wrong(f"{path}:1:1", what, "a list of {start: .., end: .., sensors: [..]}")
     found, segments = Collector(), []
+    data = _from_steps(data, end)
     for k, item in enumerate(data):
         segment = _json_segment(item, (*prefix, k), text, found)
         if segment is not None:
@@ -166,6 +167,14 @@ def _from_json(path: Path) -> list[Segment]:
     if found.mistakes:
         raise text.placed(found.mistakes)
     return segments
+
+
+def _from_steps(data: list, end: float) -> list:
+    """Records of {k, sensors}, as in the results of discrete-time selection, last until the next one."""
+    if not all(isinstance(item, dict) and "k" in item and "start" not in item for item in data):
+        return data
+    ends = [item["k"] for item in data[1:]] + [end]
+    return [{"start": item["k"], "end": last, **item} for item, last in zip(data, ends, strict=True)]
 
 
 def _json_segment(item: Any, path: tuple, text: Text, found: Collector) -> Segment | None:

@@ -35,7 +35,7 @@ def schedule_of(segments: Sequence[Segment], problem: Any, file: str) -> Schedul
     Parameters
     ----------
     segments : in any order, covering the horizon without hole or overlap
-    problem : has `edges`, `sensors` (a SensorSuite) and, where more than one is used at a time, `select`
+    problem : has `edges` or `starts`, `sensors` and, where more than one is used at a time, `select`
     file : what to call the source in a message
 
     Raises ProblemError: holes, overlaps, unknown names, wrong numbers of sensors, use outside a window.
@@ -44,13 +44,20 @@ def schedule_of(segments: Sequence[Segment], problem: Any, file: str) -> Schedul
     segments = sorted(segments, key=lambda s: s.start)
     if not segments:
         raise ProblemError(Mistake((), "the schedule has no segment", place=file))
-    switches = _switches(segments, np.asarray(problem.edges, dtype=float), found, file)
+    grid = grid_of(problem)
+    switches = _switches(segments, grid, found, file)
     weights = [_weights(segment, problem, found) for segment in segments]
     if found.mistakes:
         raise in_order(found.mistakes)
-    edges = np.union1d(problem.edges, switches)
+    edges = np.union1d(grid, switches)
     owner = np.searchsorted(switches, (edges[1:] + edges[:-1]) / 2) - 1
     return Schedule(edges, np.array(weights)[owner], tuple(problem.sensors.names))
+
+
+def grid_of(problem: Any) -> np.ndarray:
+    """The times at which the problem's sensors may change, with both ends; in discrete time the starts of epochs."""
+    edges = getattr(problem, "edges", None)
+    return np.asarray(getattr(problem, "starts", ()) if edges is None else edges, dtype=float)
 
 
 def _switches(segments: Sequence[Segment], edges: np.ndarray, found: Collector, file: str) -> np.ndarray:

@@ -94,6 +94,6 @@ def test_names_that_do_not_fit_a_csv(name):
     assert error.value.mistakes[0].path == ("name",)
 
 
-@pytest.mark.parametrize("name", ["radar", "Größe 1", "雷达", "a-b_c.d(1)"])
+@pytest.mark.parametrize("name", ["radar", "Größe 1", "雷达", "a-b_c.d(1)", "O'Higgins"])
 def test_names_that_do(name):
     assert Sensor(name, 1, 1).name == name

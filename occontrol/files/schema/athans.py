@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
+from occontrol.core.errors import Path, ProblemError
 from occontrol.core.plant import LinearPlant
 from occontrol.core.scheduling import SchedulingProblem, uniform_edges
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
@@ -100,9 +101,10 @@ def build(document: Document, context: Context) -> SchedulingProblem:
     output = context.signal(objective.output, "objective", "output")
     running = None if objective.running is None else context.signal(objective.running, "objective", "running")
     plant = _plant(document.plant, context)
+    states = 1 if plant is None else plant.states
+    sensors = [_sensor(entry, j, states, context) for j, entry in enumerate(document.sensors)]
     if plant is None:
-        found.raise_if_any()
-    sensors = [_sensor(entry, j, plant.states, context) for j, entry in enumerate(document.sensors)]
+        raise ProblemError(found.mistakes)
     # stand-ins for what is already known to be wrong let the problem look at all the rest
     known = len(found.mistakes)
     problem = context.attempt(
@@ -111,7 +113,7 @@ def build(document: Document, context: Context) -> SchedulingProblem:
         plant=plant,
         sensors=sensors,
         edges=[] if edges is None else edges,
-        output=ConstantSignal(np.zeros((1, plant.states))) if output is None else output,
+        output=ConstantSignal(np.zeros((1, states))) if output is None else output,
         predict_at=document.horizon.predict_at,
         cost_weight=objective.cost_weight,
         running=running,
@@ -195,7 +197,7 @@ def _plant(entry: Plant, context: Context) -> LinearPlant | None:
     if plant is None:
         fresh = context.found.mistakes[known:]
         bad = {m.path[1] for m in fresh if len(m.path) > 1}
-        initial = {("plant", key): ("plant", "initial", key) for key in ("covariance", "mean")}
+        initial: dict[Path, Path] = {("plant", key): ("plant", "initial", key) for key in ("covariance", "mean")}
         context.found.mistakes[known:] = [m.moved(initial.get(m.path[:2], m.path[:2])) for m in fresh]
         if "A" in bad:
             return None

@@ -14,6 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, Valida
 
 from occontrol.core.errors import Collector, Path, ProblemError
 from occontrol.core.signal import Signal
+from occontrol.files.plain_json import plain as plain  # for the schemas of the families
 from occontrol.files.schema.matrices import ENTRY, MATRIX_SCHEMA, MatrixReader
 from occontrol.files.schema.tables import TableFiles
 from occontrol.files.schema.words import shown, spell, suggest, translate
@@ -238,15 +239,6 @@ def options_document(method: Any) -> dict[str, Any] | None:
     options = {f.name: getattr(method, f.name) for f in dataclasses.fields(method) if f.init and f.name != "name"}
     plain = {k: list(v) if isinstance(v, tuple) else v for k, v in options.items() if v is not None}
     return {"name": method.name, **plain}
-
-
-def plain(value: Any) -> Any:
-    """NumPy scalars and arrays, tuples and mappings as JSON-able values."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, typing.Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    return [plain(v) for v in value] if isinstance(value, list | tuple) else value
 
 
 def prune(document: dict[str, Any]) -> dict[str, Any]:
