@@ -33,11 +33,7 @@ def compare(
     folder = out or Path("runs") / f"{file.stem}-compare"
     problem = read_problem(file)
     check_writable(folder)
-    names = (
-        _default_names(problem)
-        if methods is None
-        else [m.strip() for m in methods.split(",") if m.strip()]
-    )
+    names = _default_names(problem) if methods is None else [m.strip() for m in methods.split(",") if m.strip()]
     for name in names:
         choose_method(problem, name)  # an unknown name is found before any work
     solutions: dict[str, Solution] = {}

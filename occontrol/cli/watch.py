@@ -82,9 +82,14 @@ def _display(monitor: Watched) -> Any:
         return None
     from rich.console import Console
     from rich.live import Live
+    from rich.text import Text
 
     console = Console(stderr=True, highlight=False, markup=False)
-    return Live(get_renderable=lambda: progress_text(monitor), console=console, refresh_per_second=5, transient=True)
+
+    def line() -> Text:
+        return Text(progress_text(monitor), style="cyan")
+
+    return Live(get_renderable=line, console=console, refresh_per_second=5, transient=True)
 
 
 def progress_text(monitor: Watched) -> str:

@@ -1,0 +1,142 @@
+"""Ctrl-C and SIGTERM in a real process on a real terminal: the best so far is kept, certified and written."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from occontrol.cli.watch import Watched, exit_code, progress_text, time_left, watched
+from occontrol.files.run_folder import read_run
+
+PROGRAM = "from occontrol.cli import main; main()"
+
+
+def long_problem(path: Path) -> Path:
+    """A problem whose relaxation cannot reach its target of zero, so that it is still at work when the signal comes."""
+    generator = np.random.default_rng(4)
+    n, sensors = 8, []
+    A = generator.normal(size=(n, n)) / 3 - np.eye(n) / 2
+    for j in range(6):
+        C = generator.normal(size=(1, n)).round(3).tolist()
+        sensors.append(f"  - {{name: s{j}, C: {C}, noise: [[0.3]], cost: {0.1 * j}}}")
+    path.write_text(
+        "family: athans\nhorizon: {end: 10, intervals: 1500}\n"
+        f"plant:\n  A: {A.round(3).tolist()}\n  noise: {{identity: {n}}}\n"
+        f"  initial: {{covariance: {{identity: {n}, scale: 3.0}}}}\nsensors:\n" + "\n".join(sensors) + "\n"
+        f"objective: {{cost_weight: 0.1, output: {np.eye(n)[:2].tolist()}}}\n"
+        "method: {name: relaxed, relative_gap: 1.0e-15, max_iterations: 1000000}\n"
+    )
+    return path
+
+
+class Terminal:
+    """A process whose standard error is a terminal."""
+
+    def __init__(self, *arguments: str, **more: str):
+        self.control, end = pty.openpty()
+        self.text = ""
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=end,
+            env={**os.environ, "TERM": "xterm", "COLUMNS": "150", **more},
+        )
+        os.close(end)
+
+    def read_until(self, words: str, seconds: float = 60) -> None:
+        end = time.monotonic() + seconds
+        while words not in self.text:
+            assert time.monotonic() < end, f"no '{words}' in: {self.text[-2000:]}"
+            try:
+                self.text += os.read(self.control, 4096).decode(errors="replace")
+            except OSError as error:  # the other end is closed
+                raise AssertionError(f"ended without '{words}': {self.text[-2000:]}") from error
+
+    def finish(self) -> int:
+        code = self.process.wait(60)
+        os.close(self.control)
+        return code
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_one_signal_keeps_the_best_so_far_with_its_certificate(tmp_path: Path, number: int, code: int) -> None:
+    file = long_problem(tmp_path / "long.yaml")
+    terminal = Terminal("solve", str(file), "--out", str(tmp_path / "run"), "--no-figures")
+    terminal.read_until("iteration 2")
+    for words in ("cost", "bound", "gap"):
+        assert words in terminal.text
+    terminal.process.send_signal(number)
+    terminal.read_until("the best so far is kept")
+    assert terminal.finish() == code
+    _, solution = read_run(tmp_path / "run")
+    assert solution.status == "interrupted" and solution.certificate is not None
+    assert 0 < solution.certificate.lower_bound <= solution.certificate.cost
+    assert "\x1b[36m" in terminal.text  # in colour
+    assert "\x1b[?25h" in terminal.text  # the cursor is back
+
+
+@pytest.mark.slow
+def test_a_second_signal_ends_the_process_at_once(tmp_path: Path) -> None:
+    file = long_problem(tmp_path / "long.yaml")
+    terminal = Terminal("solve", str(file), "--out", str(tmp_path / "run"), "--no-figures")
+    terminal.read_until("iteration 1")
+    terminal.process.send_signal(signal.SIGINT)
+    terminal.read_until("once more")
+    terminal.process.send_signal(signal.SIGINT)
+    assert terminal.finish() in (-signal.SIGINT, 130)
+    assert not (tmp_path / "run" / "result.json").exists() or read_run(tmp_path / "run")
+
+
+@pytest.mark.slow
+def test_no_colour_and_a_dumb_terminal(tmp_path: Path, small_file: Path) -> None:
+    plain = Terminal("solve", str(small_file), "--out", str(tmp_path / "run"), "--no-figures", NO_COLOR="1")
+    plain.read_until("iteration")
+    assert "\x1b[3" not in plain.text  # no colours; moving the cursor is no colour
+    plain.process.wait(60)
+    dumb = Terminal("solve", str(small_file), "--out", str(tmp_path / "run"), "--no-figures", TERM="dumb")
+    assert dumb.process.wait(60) == 0
+    os.set_blocking(dumb.control, False)
+    with pytest.raises((BlockingIOError, OSError)):
+        os.read(dumb.control, 10)
+
+
+def test_the_handlers_are_put_back() -> None:
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    with watched() as monitor:
+        assert signal.getsignal(signal.SIGINT) not in before
+        signal.raise_signal(signal.SIGTERM)
+        assert monitor.stop and monitor.interrupted == signal.SIGTERM
+        assert signal.getsignal(signal.SIGINT) == signal.SIG_DFL  # so that the next one ends the process
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+    assert exit_code(monitor, 0) == 143
+
+
+def at(records: list[tuple[float, float]], target: float | None = 1e-4, limit: float | None = None) -> Watched:
+    """A monitor with the given (seconds, relative gap), now."""
+    now = records[-1][0] if records else 0.0
+    monitor = Watched(target=target, time_limit=limit, started=time.perf_counter() - now)
+    monitor.history = [
+        {"iteration": i, "cost": 1.0, "lower_bound": 1.0 - gap, "seconds": t, "stage": "relaxation"}
+        for i, (t, gap) in enumerate(records)
+    ]
+    return monitor
+
+
+def test_time_left_follows_the_rate_at_which_the_gap_falls() -> None:
+    falling = at([(float(t), 10.0 ** (-t / 2)) for t in range(5)])  # a factor of ten every two seconds, now at 1e-2
+    left = time_left(falling)
+    assert left == pytest.approx(4.0, abs=0.2)
+    assert "iteration 4" in progress_text(falling) and "about 4 s left" in progress_text(falling)
+    assert time_left(at([(float(t), 0.5) for t in range(9)])) is None
+    assert time_left(at([(float(t), 0.5) for t in range(9)], limit=10.0)) == pytest.approx(2.0, abs=0.2)
+    assert time_left(at([])) is None
+    assert progress_text(at([])).startswith("preparing")

@@ -1,0 +1,74 @@
+"""Exports say what the run says: the same numbers, with their times, in files that other tools read."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from occontrol.core.errors import FileAccessError, UsageError
+from occontrol.core.solution import Solution
+from occontrol.files.data_files import read_schedule
+from occontrol.files.export import FORMATS, export_run
+from occontrol.files.run_folder import write_run
+
+
+@pytest.fixture
+def run(tmp_path: Path, small_solution: Solution) -> Path:
+    write_run(tmp_path / "run", small_solution.problem, small_solution)
+    return tmp_path / "run"
+
+
+def table(path: Path) -> tuple[list[str], np.ndarray]:
+    with path.open(newline="") as file:
+        header, *rows = list(csv.reader(file))
+    return header, np.array([[float(x) for x in row] for row in rows])
+
+
+def test_csv_holds_every_array_with_its_times(run: Path, small_solution: Solution) -> None:
+    names = {path.name for path in export_run(run, "csv")}
+    assert {"schedule.csv", "gains.csv", "covariance.csv", "switching.csv", "weights.csv"} <= names
+    arrays = small_solution.arrays
+    header, values = table(run / "csv" / "covariance.csv")
+    assert header == ["t", "covariance_1_1", "covariance_1_2", "covariance_2_1", "covariance_2_2"]
+    assert np.array_equal(values[:, 0], arrays["times"])
+    assert np.array_equal(values[:, 1:].reshape(-1, 2, 2), arrays["covariance"])
+    header, values = table(run / "csv" / "switching.csv")
+    assert header == ["start", "end", "range", "doppler", "idle"]
+    assert np.array_equal(values[:, 2:], arrays["switching"])
+    assert np.array_equal(values[1:, 0], values[:-1, 1])
+    header, values = table(run / "csv" / "gains.csv")
+    assert np.array_equal(values[:, 2:].reshape(arrays["gain"].shape), arrays["gain"])
+
+
+def test_the_exported_schedule_reads_back_to_the_same_schedule(run: Path, small_solution: Solution) -> None:
+    export_run(run, "csv", run.parent / "elsewhere")
+    back = read_schedule(run.parent / "elsewhere" / "schedule.csv", small_solution.problem)
+    assert small_solution.schedule is not None
+    assert np.array_equal(back.weights, small_solution.schedule.weights)
+
+
+def test_json_holds_schedule_and_arrays(run: Path, small_solution: Solution) -> None:
+    (path,) = export_run(run, "json", run.parent / "out" / "run.json")
+    content = json.loads(path.read_text())
+    assert content["sensors"] == ["range", "doppler", "idle"]
+    assert content["schedule"] == small_solution.result["schedule"]
+    assert content["result"]["cost"] == small_solution.cost
+    assert np.array_equal(content["arrays"]["gain"], small_solution.arrays["gain"])
+
+
+def test_every_format_writes_what_it_says(run: Path) -> None:
+    for name, place in FORMATS.items():
+        written = export_run(run, name)
+        assert written and all(path.exists() for path in written)
+        assert (run / place).exists()
+
+
+def test_an_unknown_format_and_a_place_that_cannot_be(run: Path) -> None:
+    with pytest.raises(UsageError, match="there is no format 'xls'"):
+        export_run(run, "xls")
+    with pytest.raises(FileAccessError, match="cannot write"):
+        export_run(run, "csv", run / "result.json" / "below")
