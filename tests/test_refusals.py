@@ -123,6 +123,15 @@ def test_many_mistakes_are_reported_together_in_the_order_of_the_file(tmp_path):
     ]
 
 
+def test_mistakes_in_sensors_are_reported_beside_those_in_the_plant(tmp_path):
+    text = BASE.replace("[-1, -0.4]", "[-x, -0.4]").replace("C: [[1, 0]]", "C: [1, 0]").replace("[[0.4]]", "[[0.4, 1]]")
+    assert [line for line in refused(written(tmp_path, text)) if not line.startswith("  hint")] == [
+        "5:16: A entry [2,1]: expression '-x' uses the unknown name 'x'",
+        "9:23: C of sensor 'radar' is a flat list, it must be a list of rows",
+        "10:41: noise of sensor 'doppler' is 1x2, its C has 1 row",
+    ]
+
+
 def test_no_more_than_fifty_mistakes_are_listed(tmp_path):
     rows = ", ".join(["[" + ", ".join(["true"] * 20) + "]"] * 20)
     lines = refused(written(tmp_path, BASE.replace("[[0, 1], [-1, -0.4]]", f"[{rows}]")))

@@ -10,6 +10,9 @@ from occontrol.core.errors import Mistake
 from occontrol.files.positions import MAX_DEPTH, Place, Text, at, number
 
 
+LOOKED_AT = 8 * 2**20  # characters; in a larger file every mistake is said to be at its beginning
+
+
 def read_json(source: str, file: str) -> Text:
     """Parse JSON fast; duplicate keys, depth and syntax are mistakes with their place."""
     text = Text(file, None, lambda: _places(source, file)[0])
@@ -50,6 +53,9 @@ _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}:,]|[^\s\[\]{}:,"]+')
 
 def _places(source: str, file: str) -> tuple[Place, list[Mistake]]:
     """Places in a text that is known to be JSON, and the keys that stand twice."""
+    if len(source) > LOOKED_AT:
+        what = "a key stands twice somewhere in the file"
+        return Place(1, 1), [Mistake((), what, "the file is too large to say where", place=f"{file}:1:1")]
     starts = [0] + [m.end() for m in re.finditer("\n", source)]
     line = 0
     root: Place | None = None

@@ -16,6 +16,7 @@ from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.solution import Solution, Status
 from occontrol.files.data_files import read_measurements, read_schedule
+from occontrol.files.problem_file import read_problem
 from occontrol.files.run_folder import write_run
 from occontrol.files.tables import write_measurements
 
@@ -151,6 +152,17 @@ def test_a_run_folder_and_its_result_give_the_schedule_back(tmp_path):
 def test_schedules_that_are_refused(tmp_path, lines, expected):
     path = written(tmp_path, "start,end,sensors\n" + lines + "\n", "s.csv")
     assert words(read_schedule, path, problem()) == [f"{path}:{line}" for line in expected]
+
+
+def test_choices_in_discrete_time_last_until_the_next_one(tmp_path):
+    p = read_problem(Path(__file__).parents[2] / "problems" / "oshman_example.yaml")
+    names = list(p.sensors.names)
+    records = [{"epoch": i, "k": int(k), "sensors": [names[i % 3]]} for i, k in enumerate(p.starts[:-1])]
+    from_json = read_schedule(written(tmp_path, json.dumps({"schedule": records}), "s.json"), p)
+    rows = [f"{a},{b},{names[i % 3]}" for i, (a, b) in enumerate(pairwise(p.starts))]
+    from_csv = read_schedule(written(tmp_path, "\n".join(["start,end,sensors", *rows]), "s.csv"), p)
+    for s in (from_json, from_csv):
+        assert np.array_equal(s.edges, p.starts) and np.array_equal(s.weights, np.eye(3)[np.arange(12) % 3])
 
 
 def test_without_idle_all_places_are_filled(tmp_path):
