@@ -47,3 +47,19 @@ def small_solution(tmp_path_factory: pytest.TempPathFactory) -> Solution:
     path = tmp_path_factory.mktemp("small") / "radars.yaml"
     path.write_text(SMALL)
     return occontrol.solve(occontrol.read_problem(path))
+
+
+@pytest.fixture(scope="session")
+def solved():
+    """solved("tracking_network"): the solution of a shipped problem by its own method, found once a session."""
+    import functools
+
+    import occontrol
+
+    folder = Path(__file__).resolve().parent.parent / "problems"
+
+    @functools.cache
+    def solve(name: str) -> Solution:
+        return occontrol.solve(occontrol.read_problem(folder / f"{name}.yaml"))
+
+    return solve
