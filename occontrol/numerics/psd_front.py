@@ -34,14 +34,14 @@ def _below(a, b, factor, slack, work):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _front(matrices, factor, slack, owner):  # pragma: no cover - compiled
+def _front(matrices, factor, slack, reach, owner):  # pragma: no cover - compiled
     count, n = matrices.shape[0], matrices.shape[1]
     kept = np.empty(count, dtype=np.int64)
     work = np.empty((n, n))
     size = 0
     for b in range(count):
         found = -1
-        for position in range(size):
+        for position in range(min(size, reach)):
             a = kept[position]
             if _below(matrices[a], matrices[b], factor, slack, work):
                 found = a
@@ -57,7 +57,7 @@ def _front(matrices, factor, slack, owner):  # pragma: no cover - compiled
     return size
 
 
-def front(matrices: np.ndarray, factor: float = 1.0, slack: float = 1e-13) -> np.ndarray:
+def front(matrices: np.ndarray, factor: float = 1.0, slack: float = 1e-13, reach: int = 400) -> np.ndarray:
     """Who stands for whom.
 
     Parameters
@@ -65,10 +65,11 @@ def front(matrices: np.ndarray, factor: float = 1.0, slack: float = 1e-13) -> np
     matrices : (R, n, n) symmetric positive definite, the most promising first
     factor : a matrix a may stand for b when a <= factor b, in the positive semidefinite order
     slack : rounding that is forgiven, relative to every diagonal entry
+    reach : each matrix is compared with so many kept ones at most, those first that stand for many
 
     Returns owner (R,): the index of the kept matrix that stands for each, its own index where it is kept.
     """
     matrices = np.ascontiguousarray(matrices)
     owner = np.empty(len(matrices), dtype=np.int64)
-    _front(matrices, float(factor), float(slack), owner)
+    _front(matrices, float(factor), float(slack), int(reach), owner)
     return owner

@@ -110,14 +110,14 @@ class ExactSweep:
     first: int = 0
     power: float = 64.0
     recursion: SimpleNamespace = field(init=False)
-    has_hessian: bool = field(default=False, init=False)
     forward_count: int = field(default=0, init=False)
     backward_count: int = field(default=0, init=False)
-    hessian_count: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        upper = np.ones((self.slots.count - self.first, self.slots.sensors))
-        self.recursion = SimpleNamespace(upper=upper, select=1)
+        count, sensors = self.slots.count - self.first, self.slots.sensors
+        self.recursion = SimpleNamespace(
+            upper=np.ones((count, sensors)), select=1, states=len(self.start), intervals=count, sensors=sensors
+        )
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
         """The size at the end and its gradient (N - first, M)."""
@@ -126,6 +126,10 @@ class ExactSweep:
         path = _walk(self.slots, full, self.start, self.first, lambda P: size.smooth(P, level, self.power))
         self.backward_count += 1
         return path.value, path.gradient
+
+    def cost(self, weights: np.ndarray) -> float:
+        """The size at the end."""
+        return self.cost_and_gradient(weights)[0]
 
 
 def split_recursion(slots: Slots, terminal: np.ndarray, panels: int = PANELS):
@@ -197,7 +201,7 @@ def relaxed_policy(slots: Slots, gap: float = 1e-5, monitor: Monitor | None = No
     N = _walk(slots, v, slots.start, 0, lambda P: slots.size.smooth(P, slots.level, 8)).ordinary
     recursion, parts = split_recursion(slots, slots.size.smooth(N[-1], slots.level, 8)[1])
     for _ in range(1 if linear else 2):
-        outcome = minimise_relaxed(Sweep(recursion), None, RelaxedOptions(1e-4, 60), watch)
+        outcome = minimise_relaxed(Sweep(recursion), None, RelaxedOptions(1e-4, 400), watch)
         v = np.clip(outcome.weights.reshape(slots.count, parts, M).mean(axis=1), 0.0, 1.0)
         v /= np.sum(v, axis=1, keepdims=True)
         N = _walk(slots, v, slots.start, 0, lambda P: slots.size.smooth(P, slots.level, 8)).ordinary
@@ -206,7 +210,7 @@ def relaxed_policy(slots: Slots, gap: float = 1e-5, monitor: Monitor | None = No
     best = _better(slots, v, np.inf, None)
     for power in (16.0, 128.0) if slots.size.has_kink else (np.inf,):
         sweep = ExactSweep(slots, slots.start, power=power)
-        v = minimise_relaxed(sweep, v, RelaxedOptions(gap, 40), watch).weights
+        v = minimise_relaxed(sweep, v, RelaxedOptions(gap, 120), watch).weights
         best = _better(slots, v, power, best)
     return best
 
