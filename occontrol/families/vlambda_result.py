@@ -50,7 +50,9 @@ def finish(
     for e, choice in enumerate(selection.choices):
         weights[e, list(choice.sensors)] = 1.0
     schedule = Schedule(problem.starts.astype(float), weights, tuple(names))
-    certificate = Certificate(cost, more["lower_bound"]) if "lower_bound" in more else None
+    # a bound over a grid of locations is no certificate for free ones
+    bounded = "lower_bound" in more and "bound_holds_for" not in more
+    certificate = Certificate(cost, more["lower_bound"]) if bounded else None
     result: dict[str, Any] = {
         "cost": cost,
         "criterion": problem.criterion,
@@ -63,8 +65,8 @@ def finish(
         "notes": list(selection.notes),
         **more,
     }
-    if certificate is not None:
-        result["relative_gap"] = certificate.relative_gap
+    if "lower_bound" in more:
+        result["relative_gap"] = Certificate(cost, more["lower_bound"]).relative_gap
     arrays = {
         "times": np.arange(problem.steps, dtype=float),
         "edges": schedule.edges,

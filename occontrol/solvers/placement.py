@@ -1,7 +1,7 @@
 """Where to put a movable sensor: the location that maximises a function of its information matrix, in a box.
 
-Unknown: the location p (d,). A grid of the box (with its corners) gives starts, the best few are refined by a bounded
-quasi-Newton method (SLSQP with constraints), and the result is checked: inside the box, allowed, and at least as good
+Unknown: the location p (d,). A grid of the box (with its corners) gives starts, the best few are refined (by ever finer
+grids on a line, by a bounded quasi-Newton method in more coordinates, SLSQP with constraints), and the result is checked: inside the box, allowed, and at least as good
 as every point that was looked at. Oshman (1994), remark 5.
 """
 
@@ -62,7 +62,8 @@ def place(
     values = _finite(merit(allowed))
     refined, heights = [allowed], [values]
     for start in _peaks(allowed, values):
-        better = _refine(region, step, merit, start)
+        refine = _zoom if region.coordinates == 1 else _refine
+        better = refine(region, step, merit, start)
         if better is not None:
             refined.append(better[None])
             heights.append(_finite(merit(better[None])))
@@ -94,6 +95,20 @@ def _peaks(points: np.ndarray, values: np.ndarray) -> np.ndarray:
         if len(chosen) == STARTS:
             break
     return np.array(chosen)
+
+
+def _zoom(region: Region, step: int, merit: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray | None:
+    """One coordinate: around the best point so far, an even grid over its neighbours, again and again."""
+    (low, high), best = region.bounds[0], float(start[0])
+    half = (high - low) / 64
+    while half > 1e-10 * (high - low):
+        points = np.clip(best + half * np.linspace(-1, 1, 33), low, high)[:, None]
+        values = np.where(region.allowed(step, points), _finite(merit(points)), -np.inf)
+        if not np.isfinite(np.max(values)):
+            return None
+        best = float(points[int(np.argmax(values)), 0])
+        half /= 12
+    return np.array([best])
 
 
 def _refine(
@@ -147,7 +162,11 @@ def _find_allowed(region: Region, step: int, points: np.ndarray, name: str) -> n
     for start in sorted(points, key=violation)[:STARTS]:
         # the nearest allowed point
         found = minimize(
-            lambda p, start=start: float(np.sum((p - start) ** 2)), start, bounds=box, constraints=[limits], method="SLSQP"
+            lambda p, start=start: float(np.sum((p - start) ** 2)),
+            start,
+            bounds=box,
+            constraints=[limits],
+            method="SLSQP",
         )
         p = _project(np.asarray(found.x), region.bounds)
         if region.allowed(step, p[None], 1e-7)[0]:
