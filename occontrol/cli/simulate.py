@@ -23,18 +23,28 @@ def simulate(
 ) -> int:
     """Simulate the plant and the scheduled sensors; the truth goes beside the measurements."""
     from occontrol.cli.watch import watched
-    from occontrol.files.problem_file import read_problem
-    from occontrol.files.run_folder import RESULT, read_run
+    from occontrol.core.errors import ProblemError
+    from occontrol.files.plain_json import to_json
+    from occontrol.files.problem_file import document, read_problem
+    from occontrol.files.run_folder import RESULT, check_writable, read_run
     from occontrol.files.tables import write_measurements, write_truth
     from occontrol.library import simulate as library_simulate
 
+    problem, solution = read_problem(file), None
+    check_writable(out.parent)
     folder = run or default_folder(file)
     if run is not None or (folder / RESULT).exists():
-        problem, solution = read_run(folder)
-    else:
-        problem = read_problem(file)
+        of_run, solution = read_run(folder)
+        if to_json(document(of_run)) != to_json(document(problem)):
+            if run is not None:
+                raise ProblemError(f"{folder} is the run of another problem than {file}", "solve the file again")
+            note(f"{folder} is the run of another version of {file}; solving again")
+            solution = None
+    if solution is None:
         with watched() as monitor:
             solution = run_method(problem, None, monitor)
+        if monitor.interrupted:
+            raise KeyboardInterrupt
     measurements, truth = library_simulate(problem, solution, seed)
     write_measurements(out, measurements)
     beside = out.with_name(out.stem + ".truth.csv")

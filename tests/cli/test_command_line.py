@@ -252,3 +252,21 @@ def test_export_needs_the_run_folder_alone(small_file: Path, capsys: Captured) -
     assert run(["export", "runs/radars", "--to", "exel"]) == 2
     assert "there is no format 'exel'" in capsys.readouterr().err
     assert run(["export", "nowhere", "--to", "csv"]) == 3
+
+
+def test_simulate_follows_the_run_of_the_same_problem_and_only_of_that(small_file: Path, capsys: Captured) -> None:
+    assert run(["solve", str(small_file), "--no-figures", "--method", "best-single"]) == 0
+    for name in ("a.csv", "b.csv"):
+        assert run(["simulate", str(small_file), "--out", name, "--seed", "7"]) == 0
+    assert Path("a.csv").read_text() == Path("b.csv").read_text()
+    assert {line.split(",")[1] for line in Path("a.csv").read_text().splitlines()[1:]} == {"doppler"}
+    assert Path("a.truth.csv").read_text().startswith("t,x1,x2\n")
+    assert run(["filter", "runs/radars", "a.csv", "--out", "estimate.csv"]) == 0
+    header = Path("estimate.csv").read_text().splitlines()[0]
+    assert header.startswith("t,x1,x2,sd_x1,sd_x2,w1,sd_w1,nis")
+    small_file.write_text(small_file.read_text().replace("cost: 0.5", "cost: 0.6"))
+    capsys.readouterr()
+    assert run(["simulate", str(small_file), "--out", "c.csv", "--run", "runs/radars"]) == 3
+    assert "runs/radars is the run of another problem" in capsys.readouterr().err
+    assert run(["simulate", str(small_file), "--out", "c.csv"]) == 0
+    assert "solving again" in capsys.readouterr().err

@@ -87,18 +87,20 @@ def test_bars_stand_where_the_schedule_uses_a_sensor(small_solution: Solution) -
         assert shown[name] == ("–" if share == 0 else f"{100 * share:.3g} %")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(1, 1, 1, 1), (3, 4, 50, 2), (9, 9, 30, 9), (60, 50, 12, 3)])
 def test_every_size_is_drawn(shape: tuple[int, int, int, int]) -> None:
     problem = random_problem(*shape)
     solution = even_solution(problem)
-    for name, figure in figures_of(problem, solution).items():
+    figures = figures_of(problem, solution)
+    for name, figure in figures.items():
         picture = pixels(figure)
         assert len(np.unique(picture, axis=0)) > 10, name
         assert r"costs \$5 & <more>" in words(figure)
         for axes in figure.axes:
             assert len(axes.get_yticklabels()) <= MOST_ROWS
     if shape[1] > MOST_ROWS:
-        assert "10 more" in words(figures_of(problem, solution)["schedule"])
+        assert "10 more" in words(figures["schedule"])
 
 
 def test_a_solution_without_history_has_no_convergence(small_solution: Solution) -> None:
