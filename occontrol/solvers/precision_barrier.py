@@ -185,9 +185,9 @@ def barrier(
             best, best_cost = point, cost
         monitor.report(iteration, form.unit * best_cost, form.unit * bound)
         gap = (best_cost - bound) / best_cost
-        idle = idle + 1 if gap > 0.9 * least_gap else 0
+        idle = idle + 1 if gap > 0.5 * least_gap else 0
         least_gap = min(gap, least_gap)
-        if gap <= tolerance or (idle >= 4 and gap < 1e-8):
+        if gap <= tolerance or (idle >= 2 and gap < 1e-9) or (idle >= 5 and gap < 1e-8):
             note = "solved" if gap <= tolerance else "solved to rounding"
             break
         if monitor.stop or stuck >= 5:
