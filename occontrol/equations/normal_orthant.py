@@ -1,8 +1,9 @@
 """Probability that every entry of a Gaussian vector is negative, singular covariances included.
 
-Unknowns: y = mean + L z with z standard normal of dimension rank(covariance) and L in row-echelon form, so that row i of
-y <= 0 bounds the z of its last column, given the earlier ones. Rank 1 is closed, rank 2 a one-dimensional adaptive quadrature,
-from rank 3 on the product form of Genz (J. Comp. Graph. Stat. 1, 1992, 141-149) is averaged over shifted lattices.
+Unknowns: y = mean + L z with z standard normal of dimension rank(covariance) and L in row-echelon form, so that row
+i of y <= 0 bounds the z of its last column, given the earlier ones. Rank 1 is closed, rank 2 a one-dimensional adaptive
+quadrature, from rank 3 on the product form of Genz (J. Comp. Graph. Stat. 1, 1992, 141-149) is averaged over shifted
+lattices.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from numba import njit
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _FAR = 38.0
-_SMOOTH = 1e-14
+_SMOOTH = 1e-13
+_MOST_PANELS = 2000
 _SHIFTS = 8
 _LATTICE_FIRST = 128
 _LATTICE_LAST = 1 << 15
@@ -73,7 +75,7 @@ def _between(low: float, high: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _echelon(mean, covariance):
-    """Standardised (threshold, L, last column of each row, rank, error) with y <= 0 <=> L z <= threshold; rank -1: impossible."""
+    """(threshold, L, last column of each row, rank, error) with y <= 0 where L z <= threshold; rank -1: nowhere."""
     size = len(mean)
     kept = 0
     scaled, chosen = np.empty(size), np.empty(size, np.int64)
@@ -140,7 +142,7 @@ def _panel(left, right, z, threshold, factor, last):
 
 @njit(cache=True, error_model="numpy")
 def _plane(threshold, factor, last):
-    """Rank 2: integrate the inner interval's probability over the first coordinate, broken where a step begins, is and ends."""
+    """Rank 2: integrate the inner interval's probability over the first coordinate, broken around its steps."""
     z = np.zeros(2)
     start, end = _limits(0, z, threshold, factor, last)
     start, end = max(start, -_FAR), min(end, _FAR)
@@ -150,12 +152,12 @@ def _plane(threshold, factor, last):
     breaks[:7] = np.array([start, -9.0, -3.0, 0.0, 3.0, 9.0, end])
     count = 7
     for i in range(len(threshold)):
-        if last[i] == 1 and factor[i, 0] != 0.0:
+        if last[i] == 1 and abs(factor[i, 0]) > 1e-12:
             centre, width = threshold[i] / factor[i, 0], 8.0 * abs(factor[i, 1] / factor[i, 0])
             breaks[count], breaks[count + 1], breaks[count + 2] = centre - width, centre, centre + width
             count += 3
     breaks = np.sort(np.clip(breaks[:count], start, end))
-    total, error = 0.0, 0.0
+    total, error, panels = 0.0, 0.0, 0
     left, right, value = np.empty(64), np.empty(64), np.empty(64)
     for piece in range(count - 1):
         if breaks[piece + 1] <= breaks[piece]:
@@ -170,7 +172,9 @@ def _plane(threshold, factor, last):
             first = _panel(a, middle, z, threshold, factor, last)
             second = _panel(middle, b, z, threshold, factor, last)
             off = abs(first + second - coarse)
-            if off < _SMOOTH or depth > 60 or b - a < 1e-9:
+            panels += 1
+            # what rounding leaves must not be refined for ever
+            if off < _SMOOTH or depth > 60 or panels > _MOST_PANELS:
                 total += first + second
                 error += off
                 continue
@@ -228,7 +232,8 @@ def orthant_probability(mean: np.ndarray, covariance: np.ndarray, tolerance: flo
     Parameters
     ----------
     mean : (v,)
-    covariance : (v, v) symmetric positive semidefinite, singular ones included; a row without variance is a plain yes or no
+    covariance : (v, v) symmetric positive semidefinite, singular ones included; a row without variance is a plain
+        yes or no
     tolerance : wanted error from rank 3 on; the quadratures below that are accurate to 1e-8 or better whatever it is
 
     Returns
