@@ -37,6 +37,8 @@ def certify(
             from occontrol.solvers.certificate import Claims
 
             claims = Claims(recorded.certificate.cost, recorded.certificate.lower_bound)
+        elif schedule is None and hasattr(family_module(problem.family), "claims_of"):
+            claims = family_module(problem.family).claims_of(problem, recorded)
     else:
         if schedule is None:
             raise UsageError(

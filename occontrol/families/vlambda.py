@@ -6,12 +6,12 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from occontrol.core.errors import ProblemError, SolveFailed
+from occontrol.core.errors import SolveFailed, UsageError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution, Status
 from occontrol.core.trajectory import Trajectory
-from occontrol.families.vlambda_optimal import certify, optimal
+from occontrol.families.vlambda_optimal import certify, claims_of, optimal
 from occontrol.families.vlambda_problem import Problem
 from occontrol.families.vlambda_result import cost_of, finish, recorded
 from occontrol.families.vlambda_text import describe, summarise
@@ -25,6 +25,7 @@ __all__ = [
     "METHODS",
     "Problem",
     "certify",
+    "claims_of",
     "compare_names",
     "describe",
     "method_named",
@@ -60,9 +61,9 @@ def method_named(problem: Problem, name: str) -> Any:
     elif colon and head == "lookahead" and argument.isdecimal():
         method = Lookahead(depth=int(argument))
     if method is not None:
-        mistakes = [m.under("method") for m in method.check(problem)]
+        mistakes = list(method.check(problem))
         if mistakes:
-            raise ProblemError(mistakes)
+            raise UsageError(f"method {name}: {mistakes[0].what}\n  hint: {mistakes[0].hint}")
     return method
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,12 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.vlambda_problem import Problem
-from occontrol.families.vlambda_result import cost_of, finish
+from occontrol.families.vlambda_result import cost_of, finish, recorded
 from occontrol.filtering.selection import Selection, run_selection
 from occontrol.solvers.choosers import Eigenspace, Optimal, RoundRobin, Trace
 from occontrol.solvers.sensor_choice import Chooser, FixedChooser, SequenceChooser, subsets
+
+AGREEMENT = 1e-8  # relative; both costs come from the same recursion
 
 
 def optimal(problem: Problem, method: Optimal, watch: Monitor) -> tuple[Selection, Status, str, dict[str, Any]]:
@@ -85,28 +88,56 @@ def _incumbents(problem: Problem, candidates: Any) -> list[list[int]]:
     return [[candidates.index_of(c.sensors) for c in selection.choices]]
 
 
-def certify(problem: Problem, schedule: Schedule) -> Solution:
+@dataclass(frozen=True)
+class Claims:
+    """What a run folder states: its cost, its bound if any, and where its movable sensors were."""
+
+    cost: float
+    lower_bound: float | None
+    chooser: SequenceChooser
+
+
+def claims_of(problem: Problem, solution: Solution) -> Claims:
+    """The claims of a Solution, for `certify` to check.
+
+    Parameters
+    ----------
+    problem, solution : of the run
+    """
+    bound = solution.result.get("lower_bound")
+    return Claims(solution.cost, bound if isinstance(bound, float) else None, recorded(problem, solution))
+
+
+def certify(problem: Problem, schedule: Schedule, claims: Claims | None = None) -> Solution:
     """Cost of anybody's choices, beside the bound that the exact search proves.
 
     Parameters
     ----------
     problem : Problem
     schedule : Schedule over k = 0 .. steps that changes only where an epoch begins and uses `select` sensors
+    claims : of a run; a cost that cannot be reproduced, or a bound above a known cost, makes the status `disagrees`
 
-    Raises ProblemError when the schedule is not of that kind. Movable sensors are placed by the paper's rule, and for
-    them no bound is proven, for the search knows only a grid of locations.
+    Raises ProblemError when the schedule is not of that kind. Movable sensors stand where the run had them, or are
+    placed by the paper's rule; for them no bound is proven, for the search knows only a grid of locations.
     """
     watch, began = Monitor(), time.perf_counter()
-    chooser = _given(problem, schedule)
+    chooser = _given(problem, schedule) if claims is None else claims.chooser
     selection = run_selection(problem.sampled, problem.starts, problem.select, chooser)
-    more: dict[str, Any] = {}
+    cost = cost_of(problem, selection)
+    best, more = cost, {}
     message = "recomputed; no bound is proven with movable sensors"
     if not problem.movable:
-        bound = optimal(problem, Optimal(), watch)[3]
-        more = {"lower_bound": min(bound["lower_bound"], cost_of(problem, selection)), "nodes": bound["nodes"]}
+        found, _, _, proof = optimal(problem, Optimal(), watch)
+        best = min(cost, cost_of(problem, found))
+        more = {"lower_bound": min(proof["lower_bound"], cost), "nodes": proof["nodes"]}
         message = "recomputed; the bound is the exact search's"
-    proven = bool(more) and cost_of(problem, selection) - more["lower_bound"] <= 1e-9 * abs(cost_of(problem, selection))
+    proven = bool(more) and cost - more["lower_bound"] <= 1e-9 * abs(cost)
     status = Status.CERTIFIED if proven else Status.FEASIBLE
+    if claims is not None and abs(claims.cost - cost) > AGREEMENT * abs(cost):
+        status, message = Status.DISAGREES, f"the run says cost {claims.cost:.10g}, its choices cost {cost:.10g}"
+    elif claims is not None and claims.lower_bound is not None and claims.lower_bound > best * (1 + AGREEMENT):
+        message = f"the run says that nothing costs less than {claims.lower_bound:.10g}, but {best:.10g} is reached"
+        status = Status.DISAGREES
     return finish(problem, "given", began, watch, 0, selection, status, message, more)
 
 
