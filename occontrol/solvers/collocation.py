@@ -1,0 +1,297 @@
+"""Direct collocation of the relaxed problem by Ipopt: the independent judge for small problems, not the engine.
+
+Unknowns, in this order: the weights v_k (M) of the intervals; then element by element the packed covariances at the s
+collocation points (Radau IIA: the last one is the end of the element) and, for Gauss-Legendre, at the end; all
+covariances are divided by the sizes that a simulated policy has there. Constraints: per element the Runge-Kutta
+equations of the packed rate dSigma/dt = dH/dP (CasADi's AD of the Hamiltonian), then sum_j v_kj = select.
+It shares nothing with the recursion or the sweep; it starts from a simulated feasible policy, never from an optimum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.errors import SolveFailed
+from occontrol.core.monitor import Monitor
+from occontrol.core.scheduling import SchedulingProblem
+from occontrol.core.solution import Status
+from occontrol.equations.hamiltonian import canonical_equations, information_rates
+from occontrol.numerics.collocation_points import butcher_table
+from occontrol.numerics.linalg import triangle_indices, triangle_weights, unvech, vech
+from occontrol.numerics.nlp import IpoptOptions, NlpOutcome, Program, solve_nlp
+from occontrol.solvers.collocation_mesh import Mesh, simulate_mesh
+from occontrol.solvers.options import Collocation
+from occontrol.solvers.policy_simulation import terminal_weight
+
+ROUNDS = 4
+STEP = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class RawOutcome:
+    """What the collocation found, in plain arrays.
+
+    Parameters
+    ----------
+    weights : (N, M), made exactly feasible
+    cost : of the collocated problem
+    covariance, costate : (N + 1, n, n) at the nodes; the costate from the multipliers
+    iterations : of Ipopt, all rounds together
+    status, message
+    elements : of the last mesh
+    """
+
+    weights: np.ndarray
+    cost: float
+    covariance: np.ndarray
+    costate: np.ndarray
+    iterations: int
+    status: Status
+    message: str
+    elements: int
+
+
+def solve_collocation(
+    problem: SchedulingProblem, options: Collocation | None = None, monitor: Monitor | None = None
+) -> RawOutcome:
+    """Minimise the relaxed cost over weights that are constant on each interval, by collocation and Ipopt.
+
+    The policy found is simulated again; where the collocated covariance does not follow it, elements are cut and
+    Ipopt continues from there.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem with n states (n^6 growth: up to about 8), M sensors, N intervals
+    options : Collocation
+    monitor : Monitor
+
+    Raises SolveFailed when there is no usable iterate, or for an unknown scheme.
+    Athans (1971), (4.1)-(4.4), with 0 <= v <= 1.
+    """
+    options, monitor = options or Collocation(), monitor or Monitor()
+    if monitor.time_limit is None and options.time_limit is not None:
+        monitor.time_limit = monitor.seconds + options.time_limit
+    try:
+        table = butcher_table(options.scheme, options.stages)
+    except ValueError as error:
+        raise SolveFailed(str(error)) from None
+    W = terminal_weight(problem)
+    weights = uniform_policy(problem)
+    mesh = simulate_mesh(problem, weights, table[2], STEP)
+    iterations, accuracy, step = 0, 0.1 * options.relative_gap, STEP
+    for turn in range(ROUNDS):
+        transcription = _Transcription(problem, table, mesh, W)
+        found = transcription.solve(weights, options.max_iterations - iterations, monitor, warm=turn > 0)
+        iterations += found.iterations
+        weights = feasible_policy(problem, transcription.weights(found.x))
+        step /= 2
+        again = simulate_mesh(problem, weights, table[2], step, mesh)
+        off = abs(simulated_cost(problem, weights, again, table, W) - found.objective) / max(abs(found.objective), 1e-300)
+        if found.status is not Status.FEASIBLE or off <= accuracy or turn == ROUNDS - 1:
+            break
+        mesh = again
+    covariance = transcription.covariances(found.x)
+    message = found.message
+    if found.status is Status.FAILED and found.violation < 0.1:
+        status = Status.LIMIT
+    else:
+        status = found.status
+    if status is Status.FEASIBLE and off > accuracy:
+        message += f"; its cost is {off:.1e} off a simulation of its policy: use more intervals"
+    nodes = np.append(mesh.first, len(mesh.starts))
+    costate = np.concatenate([transcription.costates(found)[mesh.first], W[None]])
+    return RawOutcome(
+        weights=weights,
+        cost=found.objective,
+        covariance=covariance[nodes],
+        costate=costate,
+        iterations=iterations,
+        status=status,
+        message=message,
+        elements=len(mesh.starts),
+    )
+
+
+def uniform_policy(problem: SchedulingProblem) -> np.ndarray:
+    """(N, M): every available sensor the same share of its room."""
+    return problem.upper * (problem.select / np.sum(problem.upper, axis=1, keepdims=True))
+
+
+def simulated_cost(
+    problem: SchedulingProblem, weights: np.ndarray, mesh: Mesh, table: tuple, terminal: np.ndarray
+) -> float:
+    """The cost of a policy with the covariance that SciPy gave, by the quadrature of the mesh.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    weights : (N, M)
+    mesh : Mesh, simulated with these weights
+    table : Butcher table
+    terminal : (n, n) W
+    """
+    times = mesh.times(table[2])
+    rule = mesh.lengths[:, None] * table[1]
+    rates = np.stack([x.cost.sample(times.ravel()).reshape(times.shape) for x in problem.sensors], axis=-1)
+    cost = problem.cost_weight * np.einsum("es,esm,em->", rule, rates, weights[mesh.interval])
+    if problem.running is not None:
+        running = problem.running.sample(times.ravel()).reshape(mesh.stages.shape)
+        cost += np.einsum("es,esij,esij->", rule, running, mesh.stages)
+    return float(cost + np.vdot(terminal, mesh.ends[-1]))
+
+
+def feasible_policy(problem: SchedulingProblem, weights: np.ndarray) -> np.ndarray:
+    """Weights clipped to their bounds, and what that changed given back in proportion to the room left."""
+    clipped = np.clip(weights, 0.0, problem.upper)
+    for _ in range(3):
+        missing = problem.select - np.sum(clipped, axis=1, keepdims=True)
+        room = np.where(missing > 0, problem.upper - clipped, clipped)
+        total = np.sum(room, axis=1, keepdims=True)
+        clipped = clipped + missing * np.divide(room, total, out=np.zeros_like(room), where=total > 0)
+    return np.clip(clipped, 0.0, problem.upper)
+
+
+class _Transcription:
+    """The nonlinear program of one mesh."""
+
+    def __init__(self, problem: SchedulingProblem, table: tuple, mesh: Mesh, terminal: np.ndarray):
+        self.problem, self.table, self.mesh, self.terminal = problem, table, mesh, terminal
+        n, self.elements = problem.states, len(mesh.starts)
+        self.packed = n * (n + 1) // 2
+        self.stages = len(table[2])
+        self.ends_apart = bool(table[2][-1] < 1.0)
+        self.unknown = self.stages + self.ends_apart  # packed covariances of one element
+        deviations = np.sqrt(np.maximum(np.einsum("eii->ei", mesh.ends), 1e-12 * np.trace(mesh.ends, axis1=1, axis2=2)[:, None]))
+        # sizes at the end of each element, the size that its unknowns have
+        deviations = np.where(deviations > 0, deviations, 1.0)
+        rows, columns = triangle_indices(n)
+        self.sizes = (deviations[:, rows] * deviations[:, columns])[1:]
+
+    def _element(self) -> Any:
+        """Residuals (packed, unknown) and cost of one element, from the symbolic Hamiltonian."""
+        import casadi
+
+        A_rk, b, _ = self.table
+        n, m, s, p = self.problem.states, len(self.problem.sensors), self.stages, self.packed
+        canonical = canonical_equations(n, m)
+        before, inner = casadi.SX.sym("before", p), casadi.SX.sym("inner", p, self.unknown)
+        sizes, v, h = casadi.SX.sym("sizes", p), casadi.SX.sym("v", m), casadi.SX.sym("h")
+        alpha = self.problem.cost_weight
+        A, noise = casadi.SX.sym("A", n, n * s), casadi.SX.sym("Xi", n, n * s)
+        rates, costs = casadi.SX.sym("L", n, n * m * s), casadi.SX.sym("q", m, s)
+        running = casadi.SX.sym("R", n, n * s)
+        slopes, cost = [], 0
+        for i in range(s):
+            S = unvech(inner[:, i] * sizes)
+            block = slice(n * i, n * (i + 1))
+            found = canonical(
+                covariance=S,
+                costate=casadi.SX.zeros(n, n),
+                weights=v,
+                A=A[:, block],
+                noise=noise[:, block],
+                rates=rates[:, n * m * i : n * m * (i + 1)],
+                costs=costs[:, i],
+                cost_weight=alpha,
+                running=running[:, block],
+            )
+            slopes.append(vech(found["covariance_rate"]))
+            # with P = 0 the Hamiltonian is the integrand of the cost
+            cost += h * b[i] * found["hamiltonian"]
+        residuals = [
+            inner[:, i] - (before + h * sum(A_rk[i, j] * slopes[j] for j in range(s))) / sizes for i in range(s)
+        ]
+        if self.ends_apart:
+            residuals.append(inner[:, s] - (before + h * sum(b[j] * slopes[j] for j in range(s))) / sizes)
+        inputs = [before, inner, sizes, v, h, A, noise, rates, costs, running]
+        return casadi.Function("element", inputs, [casadi.horzcat(*residuals), cost])
+
+    def _parameters(self) -> list[np.ndarray]:
+        """The numeric inputs h, A, Xi, L, q, R of all elements side by side."""
+        problem, n, s, E = self.problem, self.problem.states, self.stages, self.elements
+        times = self.mesh.times(self.table[2]).ravel()
+
+        def beside(values: np.ndarray) -> np.ndarray:  # (E s, n, k) -> (n, E s k)
+            return np.ascontiguousarray(np.moveaxis(values, 1, 0)).reshape(values.shape[1], -1)
+
+        rates = np.stack([information_rates(x.C.sample(times), x.noise.sample(times)) for x in problem.sensors], axis=1)
+        rates = np.moveaxis(rates, 1, 2).reshape(E * s, n, -1)  # L_1 .. L_M side by side
+        costs = np.stack([x.cost.sample(times)[:, 0, 0] for x in problem.sensors])
+        running = np.zeros((E * s, n, n)) if problem.running is None else problem.running.sample(times)
+        plant = problem.plant
+        parts = [beside(np.array(x)) for x in (plant.A.sample(times), plant.noise.sample(times), rates)]
+        return [self.mesh.lengths[None], *parts, costs, beside(np.array(running))]
+
+    def solve(self, weights: np.ndarray, max_iterations: int, monitor: Monitor, warm: bool) -> NlpOutcome:
+        """Ipopt from the mesh's simulated covariance and `weights` (N, M)."""
+        import casadi
+
+        problem, E, p = self.problem, self.elements, self.packed
+        N, M = weights.shape
+        v, y = casadi.MX.sym("v", M, N), casadi.MX.sym("y", p, self.unknown * E)
+        last = y[:, self.unknown - 1 :: self.unknown]
+        first = casadi.DM(vech(problem.plant.covariance)[:, None])
+        before = casadi.horzcat(first, last[:, :-1] * self.sizes[:-1].T) if E > 1 else first
+        by_element = v[:, self.mesh.interval.tolist()]
+        residuals, costs = self._element().map(E)(before, y, self.sizes.T, by_element, *self._parameters())
+        final = last[:, -1] * self.sizes[-1]
+        cost = casadi.sum2(costs) + casadi.dot(triangle_weights(problem.states) * vech(self.terminal), final)
+        # where the bounds leave no choice there is nothing to constrain
+        room = np.sum(problem.upper, axis=1)
+        free = np.flatnonzero(room > problem.select + 1e-9)
+        forced = np.ones(N, bool)
+        forced[free] = False
+        upper = np.where(problem.upper >= problem.select, np.where(problem.upper > 0, np.inf, 0.0), problem.upper)
+        lower = np.where(forced[:, None], problem.upper, 0.0)
+        upper = np.where(forced[:, None], problem.upper, upper)
+        sums = casadi.sum1(v)[:, free.tolist()].T if len(free) else casadi.MX(0, 1)
+        rows = p * self.unknown * E
+        program = Program(
+            variables=casadi.veccat(v, y),
+            objective=cost,
+            constraints=casadi.vertcat(casadi.vec(residuals), sums),
+            lower=np.concatenate([lower.ravel(), np.full(rows, -np.inf)]),
+            upper=np.concatenate([upper.ravel(), np.full(rows, np.inf)]),
+            g_lower=np.concatenate([np.zeros(rows), np.full(len(free), float(problem.select))]),
+            g_upper=np.concatenate([np.zeros(rows), np.full(len(free), float(problem.select))]),
+            spell=self._spell,
+        )
+        state = vech(self.mesh.stages)
+        if self.ends_apart:
+            state = np.concatenate([state, vech(self.mesh.ends[1:])[:, None]], axis=1)
+        start = np.concatenate([weights.ravel(), (state / self.sizes[:, None]).ravel()])
+        more: tuple = (("mu_strategy", "adaptive"),)
+        if warm:
+            more = (("mu_init", 1e-4), ("bound_push", 1e-6), ("bound_frac", 1e-6))
+        return solve_nlp(program, start, IpoptOptions(max_iterations, more=more), monitor)
+
+    def _spell(self, row: int) -> str:
+        element = row // (self.packed * self.unknown)
+        if element >= self.elements:
+            return "the sum of the weights"
+        return f"the covariance equation at t = {self.mesh.starts[element]:.6g}"
+
+    def weights(self, x: np.ndarray) -> np.ndarray:
+        """(N, M) of a point of the program."""
+        shape = self.problem.upper.shape
+        return x[: shape[0] * shape[1]].reshape(shape)
+
+    def covariances(self, x: np.ndarray) -> np.ndarray:
+        """(E + 1, n, n) at the ends of the elements."""
+        y = x[self.problem.upper.size :].reshape(self.elements, self.unknown, self.packed)
+        ends = unvech(y[:, -1] * self.sizes)
+        return np.concatenate([self.problem.plant.covariance[None], ends])
+
+    def costates(self, found: NlpOutcome) -> np.ndarray:
+        """(E, n, n) at the starts of the elements, from the multipliers of the Runge-Kutta equations.
+
+        `before` enters each row of an element with the factor -1/size, so -sum_i multiplier_i/size is the derivative
+        of the optimal cost by the packed covariance there: the costate times the triangle's weights.
+        """
+        rows = self.packed * self.unknown * self.elements
+        multipliers = found.multipliers[:rows].reshape(self.elements, self.unknown, self.packed)
+        slope = -np.sum(multipliers, axis=1) / self.sizes
+        return unvech(slope / triangle_weights(self.problem.states))

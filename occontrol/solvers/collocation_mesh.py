@@ -1,0 +1,85 @@
+"""Elements of the collocation: intervals of the grid, cut where data breaks and where the covariance falls steeply."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from occontrol.core.scheduling import SchedulingProblem
+from occontrol.solvers.policy_simulation import Data, simulate_interval
+
+LARGEST = 80
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Elements and a simulated covariance on them.
+
+    Parameters
+    ----------
+    starts, lengths : (E,);  interval : (E,) the interval of the grid that each lies in
+    first : (N,) the first element of each interval
+    stages : (E, s, n, n) simulated covariance at the collocation points
+    ends : (E + 1, n, n) simulated covariance at the ends of the elements
+    """
+
+    starts: np.ndarray
+    lengths: np.ndarray
+    interval: np.ndarray
+    first: np.ndarray
+    stages: np.ndarray
+    ends: np.ndarray
+
+    def times(self, points: np.ndarray) -> np.ndarray:
+        """(E, s) times of the collocation points; an end is taken from inside, for tables may jump there."""
+        return self.starts[:, None] + self.lengths[:, None] * np.minimum(points, 1 - 1e-12)
+
+
+def simulate_mesh(
+    problem: SchedulingProblem, weights: np.ndarray, points: np.ndarray, step: float, kept: Mesh | None = None
+) -> Mesh:
+    """Simulate a policy and cut every interval so that length * tr(Sigma L(v)) <= step at the start of each element.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    weights : (N, M)
+    points : (s,) collocation points on [0, 1]
+    step : a covariance that falls like 1/t is followed by elements that grow like (1 + step)^k
+    kept : a mesh whose ends stay ends
+    """
+    data, covariance = Data(problem), problem.plant.covariance
+    breaks = np.unique(np.concatenate([s.breakpoints for s in problem.signals.values()]))
+    if kept is not None:
+        breaks = np.unique(np.concatenate([breaks, kept.starts]))
+    starts, lengths, interval, first, stages, ends = [], [], [], [], [], [covariance]
+    for k, (a, b) in enumerate(zip(problem.edges[:-1], problem.edges[1:], strict=True)):
+        path = simulate_interval(data, a, b, covariance, weights[k])
+        slack = 1e-9 * (b - a)
+        inner = breaks[(breaks > a + slack) & (breaks < b - slack)]
+        marks = _cut(data, path, np.concatenate([[a], inner, [b]]), weights[k], step, covariance)
+        first.append(len(starts))
+        for left, right in zip(marks[:-1], marks[1:], strict=True):
+            starts.append(left)
+            lengths.append(right - left)
+            interval.append(k)
+            found = path(np.append(left + (right - left) * points, right))
+            stages.append(found[:-1])
+            ends.append(found[-1])
+        covariance = ends[-1]
+    return Mesh(*map(np.array, (starts, lengths, interval, first, stages, ends)))
+
+
+def _cut(data, path, pieces: np.ndarray, weights: np.ndarray, step: float, covariance: np.ndarray) -> list[float]:
+    marks = [float(pieces[0])]
+    for end in pieces[1:]:
+        while len(marks) <= LARGEST:
+            left, here = marks[-1], path(marks[-1:])[0] if len(marks) > 1 else covariance
+            fall = float(np.trace(data.information(left, weights) @ here))
+            length = step / fall if fall > 0 else np.inf
+            if left + 1.2 * length >= end:
+                break
+            marks.append(left + length)
+        marks.append(float(end))
+    return marks
