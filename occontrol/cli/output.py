@@ -40,11 +40,12 @@ def print_table(headers: Sequence[str], rows: Iterable[Sequence[str]], right: Se
         table.add_column(header, justify="right" if i in right else "left", no_wrap=i in right, overflow="fold")
     for row in rows:
         table.add_row(*(str(cell) for cell in row))
-    console = (
-        Console(highlight=False, markup=False)
-        if sys.stdout.isatty()
-        else Console(width=200, highlight=False, markup=False)
-    )
+
+    class OnThePipe(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # handled in one place for every command, instead of rich's own exit code
+
+    console = OnThePipe(width=None if sys.stdout.isatty() else 200, highlight=False, markup=False)
     console.print(table)
 
 

@@ -270,3 +270,12 @@ def test_simulate_follows_the_run_of_the_same_problem_and_only_of_that(small_fil
     assert "runs/radars is the run of another problem" in capsys.readouterr().err
     assert run(["simulate", str(small_file), "--out", "c.csv"]) == 0
     assert "solving again" in capsys.readouterr().err
+
+
+def test_a_reader_that_has_seen_enough_is_no_error() -> None:
+    code = "import sys\nfrom occontrol.cli import main\nmain(['list'])"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None and process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    assert process.wait(60) == 0
