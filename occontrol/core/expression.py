@@ -117,7 +117,7 @@ class Expression:
         callees = set()
         for node in ast.walk(self._tree):
             if isinstance(node, ast.Constant):
-                if type(node.value) not in (int, float):
+                if isinstance(node.value, bool) or not isinstance(node.value, int | float):
                     raise _fail(self.text, f"contains {node.value!r}, which is not a number")
                 try:
                     finite = math.isfinite(float(node.value))

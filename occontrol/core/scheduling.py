@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -220,6 +220,6 @@ class SchedulingProblem:
             )
 
 
-def uniform_edges(start: float, end: float, intervals: int) -> Sequence[float]:
+def uniform_edges(start: float, end: float, intervals: int) -> np.ndarray:
     """(intervals+1,) equally spaced edges."""
     return np.linspace(start, end, intervals + 1)

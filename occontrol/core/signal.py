@@ -108,8 +108,12 @@ class ExpressionSignal(Signal):
         """(time, row, column) of the first entry that is infinite between `times`, where all entries are finite."""
         formulas = {entry for row in self.entries for entry in row if isinstance(entry, str)}
         poles = {f: find_pole(parse_expression(f, (self.variable,)), self.variable, times) for f in formulas}
-        found = [(poles.get(e), i, j) for i, row in enumerate(self.entries) for j, e in enumerate(row)]
-        return min((f for f in found if f[0] is not None), default=None)
+        found = []
+        for i, row in enumerate(self.entries):
+            for j, entry in enumerate(row):
+                time = poles.get(entry) if isinstance(entry, str) else None
+                found += [] if time is None else [(time, i, j)]
+        return min(found, default=None)
 
     def __getstate__(self) -> dict:
         return {"entries": self.entries, "variable": self.variable}

@@ -9,7 +9,6 @@ from typing import Any
 from occontrol.core.errors import Mistake
 from occontrol.files.positions import MAX_DEPTH, Place, Text, at, number
 
-
 LOOKED_AT = 8 * 2**20  # characters; in a larger file every mistake is said to be at its beginning
 
 
