@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
+from occontrol.core.errors import Path, ProblemError
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal
 from occontrol.core.uncertain_plant import UncertainPlant
@@ -90,7 +91,7 @@ def build(document: Document, context: Context) -> Problem:
     expect = context.expect(document.expect)
     plant = _plant(document.plant, context)
     if plant is None:
-        found.raise_if_any()
+        raise ProblemError(found.mistakes)
     sensors = [_sensor(entry, j, plant.states, context) for j, entry in enumerate(document.sensors)]
     # stand-ins for what is already known to be wrong let the problem look at all the rest
     problem = context.attempt(
@@ -182,7 +183,7 @@ def _plant(entry: Plant, context: Context) -> UncertainPlant | None:
     plant = context.attempt(UncertainPlant, "plant", **values)
     if plant is None:
         fresh = context.found.mistakes[known:]
-        initial = {("plant", key): ("plant", "initial", key) for key in ("weight", "center", "level")}
+        initial: dict[Path, Path] = {("plant", key): ("plant", "initial", key) for key in ("weight", "center", "level")}
         context.found.mistakes[known:] = [m.moved(initial.get(m.path[:2], m.path[:2])) for m in fresh]
         bad = {m.path[1] for m in fresh if len(m.path) > 1}
         plant = UncertainPlant(**{key: stand_in[key] if key in bad else value for key, value in values.items()})
