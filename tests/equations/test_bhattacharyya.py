@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -63,13 +65,13 @@ def test_separated_hypotheses_reach_zero():
     S = np.array([np.eye(2), 3 * np.eye(2)])
     distances = [0, 1, 3, 10, 60, 1e4]
     found = [error_bound(np.log([0.3, 0.7]), np.array([[0.0, 0], [d, d]]), S) for d in distances]
-    assert all(a > b for a, b in zip(found[:5], found[1:5], strict=False))
+    assert all(a > b for a, b in pairwise(found[:5]))
     assert found[-1] == 0.0
 
 
 def test_an_impossible_hypothesis_adds_nothing():
     rng = np.random.default_rng(3)
-    priors, means, covariances = random_case(rng, 3, 2)
+    _, means, covariances = random_case(rng, 3, 2)
     with np.errstate(divide="ignore"):
         three = error_bound(np.log(np.array([0.4, 0.6, 0.0])), means, covariances)
     assert three == pytest.approx(error_bound(np.log(np.array([0.4, 0.6])), means[:2], covariances[:2]))

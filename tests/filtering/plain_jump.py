@@ -1,4 +1,4 @@
-"""The estimator of Liu & Hwang written out plainly for one run: no compiled code, no logarithms, nothing shared with the package."""
+"""The estimator of Liu & Hwang written out plainly for one run, sharing nothing with the package."""
 
 from __future__ import annotations
 
