@@ -99,7 +99,12 @@ def _text(problem: Problem, solution: Solution) -> str:
         if r.get("bound_holds_for"):
             lines.append("(on a grid of locations)")
     lines += ["", f"sum of traces {r['sum_trace']:.6g}", f"sum of λmax {r['sum_largest_eigenvalue']:.6g}"]
-    lines += [f"peak λmax {r['peak_largest_eigenvalue']:.6g}", "", f"{problem.epochs} choices", f"{r['switches']} switches"]
+    lines += [
+        f"peak λmax {r['peak_largest_eigenvalue']:.6g}",
+        "",
+        f"{problem.epochs} choices",
+        f"{r['switches']} switches",
+    ]
     return "\n".join(lines)
 
 
@@ -146,7 +151,9 @@ def _deviations(problem: Problem, solution: Solution) -> Figure:
     shown = min(problem.states, 12)
     columns = 1 if shown <= 3 else 2 if shown <= 8 else 3
     rows = -(-shown // columns)
-    figure = style.new_figure(style.SLIDE, problem.name, f"standard deviation of every state · method {solution.method}")
+    figure = style.new_figure(
+        style.SLIDE, problem.name, f"standard deviation of every state · method {solution.method}"
+    )
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True)
     k, deviations = solution.arrays["times"], solution.arrays["standard_deviations"]
     for i, one in enumerate(axes.T.ravel()):

@@ -65,7 +65,9 @@ def _criterion_kind(value: Any) -> str:
     return "word" if isinstance(value, str) else "mapping"
 
 
-AnyCriterion = Annotated[Annotated[Criterion, Tag("mapping")] | Annotated[str, Tag("word")], Discriminator(_criterion_kind)]
+AnyCriterion = Annotated[
+    Annotated[Criterion, Tag("mapping")] | Annotated[str, Tag("word")], Discriminator(_criterion_kind)
+]
 
 
 class Document(Strict):
@@ -173,7 +175,9 @@ def _matrix(value: Any, region: Region | None, context: Context, *path: str | in
     if region is None:
         return context.signal(value, *path, variable="k")
     if isinstance(value, dict) and ("times" in value or "file" in value):
-        context.found.add(path, f"{context.name(path)} is a table, but the sensor can be moved", "formulas of k, p1, ..")
+        context.found.add(
+            path, f"{context.name(path)} is a table, but the sensor can be moved", "formulas of k, p1, .."
+        )
         return None
     variables = ("k", *(f"p{i + 1}" for i in range(region.coordinates)))
     rows = context.rows(value, *path, variables=variables)
