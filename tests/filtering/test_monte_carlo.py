@@ -156,7 +156,7 @@ def test_ordering_of_the_paper_over_a_thousand_runs():
     assert clearly_less("scheduled", "alternate", "mode_errors")
     assert found["scheduled"]["average_rms"] / found["alternate"]["average_rms"] == pytest.approx(3.4, abs=0.15)
     assert found["alternate"]["mode_errors"] / found["scheduled"]["mode_errors"] == pytest.approx(1.7, abs=0.15)
-    # lambda = 0.03: RMS 2.5 and 23 mode errors; lambda = 0: 6.6 and 17 (another initial covariance and seed: some slack)
+    # lambda = 0.03: RMS 2.5, 23 mode errors; lambda = 0: 6.6, 17 (another initial covariance and seed: some slack)
     assert found["weighted"]["average_rms"] == pytest.approx(2.5, abs=0.15)
     assert found["weighted"]["mode_errors"] == pytest.approx(23, abs=1)
     assert found["scheduled"]["average_rms"] == pytest.approx(6.6, abs=0.25)
