@@ -108,7 +108,8 @@ def mutated(draw) -> str:
     return text
 
 
-@settings(max_examples=400, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=300, deadline=None)
 @given(mutated())
 def test_mutated_yaml(text):
     verdict("x.yaml", text.encode())
@@ -139,7 +140,8 @@ def spots(data, path=()):
         yield from spots(value, (*path, key))
 
 
-@settings(max_examples=300, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_any_value_at_any_place(data):
     with tempfile.TemporaryDirectory() as folder:
@@ -178,7 +180,8 @@ CELLS = [
 ]
 
 
-@settings(max_examples=200, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=120, deadline=None)
 @given(st.lists(st.lists(st.sampled_from(CELLS), max_size=5).map(",".join), max_size=6), st.booleans())
 @example(["0,2,idle"], True)
 def test_any_lines_of_data(lines, header):
