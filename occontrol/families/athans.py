@@ -173,8 +173,7 @@ def _assemble(
     if not judged.agrees:
         status, message = Status.DISAGREES, judged.text
     schedule = Schedule(problem.edges, v, tuple(problem.sensors.names))
-    best_relaxed = relaxed.weights if relaxed is not None else v
-    singular = Schedule(problem.edges, best_relaxed, schedule.names).singular_fraction
+    singular = _singular_fraction(sweep, relaxed.weights if relaxed is not None else v, v)
     observation = float(np.vdot(r.cost, v))
     error = float(np.vdot(r.terminal, path.covariance[-1]))
     continuous = judged.certificate
@@ -223,6 +222,19 @@ def _assemble(
         history=tuple(monitor.history),
         problem=problem,
     )
+
+
+def _singular_fraction(sweep: Sweep, relaxed: np.ndarray, weights: np.ndarray) -> float:
+    """Share of the horizon on singular arcs of the relaxed optimum."""
+    from occontrol.solvers.hminimal import polish
+    from occontrol.solvers.rounding import singular_intervals, sum_up_rounding
+
+    r = sweep.recursion
+    rounded = weights
+    if weights is relaxed or not np.array_equal(weights, np.round(weights)):
+        rounded = polish(sweep, sum_up_rounding(relaxed, r.steps, r.upper, r.select), 50).weights
+    singular = singular_intervals(relaxed, rounded)
+    return float(np.sum(r.steps[singular]) / np.sum(r.steps))
 
 
 def _raw_cost(problem: SchedulingProblem, v: np.ndarray) -> float:

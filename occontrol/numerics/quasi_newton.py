@@ -10,6 +10,8 @@ from numba import njit
 
 _OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reassoc"}, "error_model": "numpy"}
 CURVATURE = 1e-10
+BOUND = 1e-10
+NEAR = 1e-4
 
 
 @njit(**_OPTIONS)
@@ -17,18 +19,26 @@ def _face(v, g, upper, free, count):
     """Free weights: between their bounds, or at a bound that the reduced gradient pushes them away from."""
     N, M = v.shape
     for k in range(N):
-        anchor, room = -1, -1.0
+        # the multiplier is the gradient at the weight farthest from its bounds; at a vertex it lies between the largest
+        # gradient of the used and the smallest of the unused weights
+        anchor, room = -1, BOUND
+        used, unused = -np.inf, np.inf
         for j in range(M):
-            x = v[k, j]
-            if upper[k, j] > 0.0 and x > room:
-                anchor, room = j, x
+            if upper[k, j] > 0.0:
+                x = min(v[k, j], upper[k, j] - v[k, j])
+                if x > room:
+                    anchor, room = j, x
+                if v[k, j] > BOUND:
+                    used = max(used, g[k, j])
+                else:
+                    unused = min(unused, g[k, j])
         number = 0
         for j in range(M):
             inside = upper[k, j] > 0.0
-            if inside and anchor >= 0:
-                reduced = g[k, j] - g[k, anchor]
-                if (v[k, j] <= 1e-10 and reduced > 0.0) or (v[k, j] >= upper[k, j] - 1e-10 and reduced < 0.0):
-                    inside = j == anchor
+            if inside and v[k, j] <= NEAR and j != anchor:
+                inside = g[k, j] < (g[k, anchor] if anchor >= 0 else used)
+            elif inside and v[k, j] >= upper[k, j] - NEAR and j != anchor:
+                inside = g[k, j] > (g[k, anchor] if anchor >= 0 else unused)
             free[k, j] = inside
             number += inside
         count[k] = max(number, 1)
@@ -161,4 +171,6 @@ class FaceBFGS:
         _two_loops(*args, self.first_length, self._q, self._t, self._alpha, self._curvature)
         if np.vdot(self._q, gradient) >= 0:
             _two_loops(*args[:6], 0, self.first_length, self._q, self._t, self._alpha, self._curvature)
-        return self._q.copy()
+        # what is nearly at a bound and pushed there goes all the way, instead of dragging the direction along
+        low = ~self._free & (weights < 0.5 * upper)
+        return np.where(self._free, self._q, np.where(low, -weights, upper - weights))

@@ -52,10 +52,16 @@ def _constant(A: np.ndarray, noise: np.ndarray, lengths: np.ndarray) -> tuple[np
         doublings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(A, 1) * span, 1e-300)))) + 1)
         f, q = _van_loan((A * (span / 2**doublings))[None], (noise * (span / 2**doublings))[None])
         f, q = f[0], q[0]
-        for _ in range(doublings):
-            q = f @ q @ f.T + q
-            f = f @ f
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(doublings):
+                q = f @ q @ f.T + q
+                f = f @ f
         F[i], Q[i] = f, q
+    if not (np.all(np.isfinite(F)) and np.all(np.isfinite(Q))):
+        raise SolveFailed(
+            f"the plant grows beyond all numbers within {np.max(lengths):g} time units\n"
+            "  hint: A has an eigenvalue too far to the right for this interval; use shorter intervals or other units"
+        )
     return F[index], _semidefinite(Q)[index]
 
 
@@ -94,7 +100,8 @@ def _varying(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> 
     spans = np.array(pieces)
     f, q = np.empty((len(spans), n, n)), np.empty((len(spans), n, n))
     todo, steps = np.arange(len(spans)), 1
-    f[todo], q[todo] = _magnus(A, noise, spans[todo], steps)
+    with np.errstate(over="ignore", invalid="ignore"):
+        f[todo], q[todo] = _magnus(A, noise, spans[todo], steps)
     while len(todo):
         steps *= 2
         if steps > MAX_STEPS:
@@ -103,9 +110,11 @@ def _varying(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> 
                 f"the plant cannot be integrated between t = {a:g} and {b:g} to {TOLERANCE:g}\n"
                 "  hint: A or noise changes too fast there; use a finer grid, or a table with a time at each jump"
             )
-        finer_f, finer_q = _magnus(A, noise, spans[todo], steps)
-        wrong = np.max(np.abs(finer_f - f[todo]), axis=(1, 2)) > TOLERANCE * np.max(np.abs(finer_f), axis=(1, 2))
-        wrong |= np.max(np.abs(finer_q - q[todo]), axis=(1, 2)) > TOLERANCE * np.max(np.abs(finer_q), axis=(1, 2))
+        with np.errstate(over="ignore", invalid="ignore"):
+            finer_f, finer_q = _magnus(A, noise, spans[todo], steps)
+            # written so that a step that overflowed counts as wrong
+            wrong = ~(_apart(finer_f, f[todo]) <= TOLERANCE * np.max(np.abs(finer_f), axis=(1, 2)))
+            wrong |= ~(_apart(finer_q, q[todo]) <= TOLERANCE * np.max(np.abs(finer_q), axis=(1, 2)))
         f[todo], q[todo] = finer_f, finer_q
         todo = todo[wrong]
     F = np.tile(np.eye(n), (len(starts), 1, 1))
@@ -114,6 +123,10 @@ def _varying(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> 
         Q[i] = f[piece] @ Q[i] @ f[piece].T + q[piece]
         F[i] = f[piece] @ F[i]
     return F, _semidefinite((Q + np.swapaxes(Q, 1, 2)) / 2)
+
+
+def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.max(np.abs(a - b), axis=(1, 2))
 
 
 def _magnus(A: Signal, noise: Signal, spans: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:

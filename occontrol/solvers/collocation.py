@@ -1,10 +1,10 @@
 """Direct collocation of the relaxed problem by Ipopt: the independent judge for small problems, not the engine.
 
 Unknowns, in this order: the weights v_k (M) of the intervals; then element by element the packed covariances at the s
-collocation points (Radau IIA: the last one is the end of the element) and, for Gauss-Legendre, at the end; all
-covariances are divided by the sizes that a simulated policy has there. Constraints: per element the Runge-Kutta
-equations of the packed rate dSigma/dt = dH/dP (CasADi's AD of the Hamiltonian), then sum_j v_kj = select.
-It shares nothing with the recursion or the sweep; it starts from a simulated feasible policy, never from an optimum.
+collocation points (Radau IIA: the last one is the end of the element) and, for Gauss-Legendre, at the end. Element e
+has its own coordinates x = D_e x^, D_e D_e' = the covariance that a simulated policy has at its end, so that all unknowns
+are near the identity. Constraints: per element the Runge-Kutta equations of the packed rate dSigma/dt = dH/dP (CasADi's
+AD of the Hamiltonian, which keeps its form in any coordinates), then sum_j v_kj = select. It shares nothing with the recursion or the sweep; it starts from a simulated feasible policy, never from an optimum.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.solution import Status
 from occontrol.equations.hamiltonian import canonical_equations, information_rates
 from occontrol.numerics.collocation_points import butcher_table
-from occontrol.numerics.linalg import triangle_indices, triangle_weights, unvech, vech
+from occontrol.numerics.linalg import symmetrise, triangle_weights, unvech, vech
 from occontrol.numerics.nlp import IpoptOptions, NlpOutcome, Program, solve_nlp
 from occontrol.solvers.collocation_mesh import Mesh, simulate_mesh
 from occontrol.solvers.options import Collocation
@@ -89,7 +89,9 @@ def solve_collocation(
         weights = feasible_policy(problem, transcription.weights(found.x))
         step /= 2
         again = simulate_mesh(problem, weights, table[2], step, mesh)
-        off = abs(simulated_cost(problem, weights, again, table, W) - found.objective) / max(abs(found.objective), 1e-300)
+        off = abs(simulated_cost(problem, weights, again, table, W) - found.objective) / max(
+            abs(found.objective), 1e-300
+        )
         if found.status is not Status.FEASIBLE or off <= accuracy or turn == ROUNDS - 1:
             break
         mesh = again
@@ -164,11 +166,8 @@ class _Transcription:
         self.stages = len(table[2])
         self.ends_apart = bool(table[2][-1] < 1.0)
         self.unknown = self.stages + self.ends_apart  # packed covariances of one element
-        deviations = np.sqrt(np.maximum(np.einsum("eii->ei", mesh.ends), 1e-12 * np.trace(mesh.ends, axis1=1, axis2=2)[:, None]))
-        # sizes at the end of each element, the size that its unknowns have
-        deviations = np.where(deviations > 0, deviations, 1.0)
-        rows, columns = triangle_indices(n)
-        self.sizes = (deviations[:, rows] * deviations[:, columns])[1:]
+        self.frames = _frames(mesh.ends[1:])
+        self.inverses = np.linalg.inv(self.frames)
 
     def _element(self) -> Any:
         """Residuals (packed, unknown) and cost of one element, from the symbolic Hamiltonian."""
@@ -178,14 +177,15 @@ class _Transcription:
         n, m, s, p = self.problem.states, len(self.problem.sensors), self.stages, self.packed
         canonical = canonical_equations(n, m)
         before, inner = casadi.SX.sym("before", p), casadi.SX.sym("inner", p, self.unknown)
-        sizes, v, h = casadi.SX.sym("sizes", p), casadi.SX.sym("v", m), casadi.SX.sym("h")
+        turn, v, h = casadi.SX.sym("turn", n, n), casadi.SX.sym("v", m), casadi.SX.sym("h")
+        first = vech(turn @ unvech(before) @ turn.T)
         alpha = self.problem.cost_weight
         A, noise = casadi.SX.sym("A", n, n * s), casadi.SX.sym("Xi", n, n * s)
         rates, costs = casadi.SX.sym("L", n, n * m * s), casadi.SX.sym("q", m, s)
         running = casadi.SX.sym("R", n, n * s)
         slopes, cost = [], 0
         for i in range(s):
-            S = unvech(inner[:, i] * sizes)
+            S = unvech(inner[:, i])
             block = slice(n * i, n * (i + 1))
             found = canonical(
                 covariance=S,
@@ -201,12 +201,10 @@ class _Transcription:
             slopes.append(vech(found["covariance_rate"]))
             # with P = 0 the Hamiltonian is the integrand of the cost
             cost += h * b[i] * found["hamiltonian"]
-        residuals = [
-            inner[:, i] - (before + h * sum(A_rk[i, j] * slopes[j] for j in range(s))) / sizes for i in range(s)
-        ]
+        residuals = [inner[:, i] - first - h * sum(A_rk[i, j] * slopes[j] for j in range(s)) for i in range(s)]
         if self.ends_apart:
-            residuals.append(inner[:, s] - (before + h * sum(b[j] * slopes[j] for j in range(s))) / sizes)
-        inputs = [before, inner, sizes, v, h, A, noise, rates, costs, running]
+            residuals.append(inner[:, s] - first - h * sum(b[j] * slopes[j] for j in range(s)))
+        inputs = [before, inner, turn, v, h, A, noise, rates, costs, running]
         return casadi.Function("element", inputs, [casadi.horzcat(*residuals), cost])
 
     def _parameters(self) -> list[np.ndarray]:
@@ -217,13 +215,15 @@ class _Transcription:
         def beside(values: np.ndarray) -> np.ndarray:  # (E s, n, k) -> (n, E s k)
             return np.ascontiguousarray(np.moveaxis(values, 1, 0)).reshape(values.shape[1], -1)
 
-        rates = np.stack([information_rates(x.C.sample(times), x.noise.sample(times)) for x in problem.sensors], axis=1)
-        rates = np.moveaxis(rates, 1, 2).reshape(E * s, n, -1)  # L_1 .. L_M side by side
+        D, inverse = (np.repeat(x, s, axis=0) for x in (self.frames, self.inverses))
+        white = [information_rates(x.C.sample(times) @ D, x.noise.sample(times)) for x in problem.sensors]
+        rates = np.moveaxis(np.stack(white, axis=1), 1, 2).reshape(E * s, n, -1)  # L_1 .. L_M side by side
         costs = np.stack([x.cost.sample(times)[:, 0, 0] for x in problem.sensors])
         running = np.zeros((E * s, n, n)) if problem.running is None else problem.running.sample(times)
-        plant = problem.plant
-        parts = [beside(np.array(x)) for x in (plant.A.sample(times), plant.noise.sample(times), rates)]
-        return [self.mesh.lengths[None], *parts, costs, beside(np.array(running))]
+        drift = inverse @ problem.plant.A.sample(times) @ D
+        noise = inverse @ problem.plant.noise.sample(times) @ np.swapaxes(inverse, 1, 2)
+        running = np.swapaxes(D, 1, 2) @ running @ D
+        return [self.mesh.lengths[None], *map(beside, (drift, noise, rates)), costs, beside(running)]
 
     def solve(self, weights: np.ndarray, max_iterations: int, monitor: Monitor, warm: bool) -> NlpOutcome:
         """Ipopt from the mesh's simulated covariance and `weights` (N, M)."""
@@ -234,11 +234,12 @@ class _Transcription:
         v, y = casadi.MX.sym("v", M, N), casadi.MX.sym("y", p, self.unknown * E)
         last = y[:, self.unknown - 1 :: self.unknown]
         first = casadi.DM(vech(problem.plant.covariance)[:, None])
-        before = casadi.horzcat(first, last[:, :-1] * self.sizes[:-1].T) if E > 1 else first
+        before = casadi.horzcat(first, last[:, :-1]) if E > 1 else first
+        turns = self.inverses @ np.concatenate([np.eye(problem.states)[None], self.frames[:-1]])
         by_element = v[:, self.mesh.interval.tolist()]
-        residuals, costs = self._element().map(E)(before, y, self.sizes.T, by_element, *self._parameters())
-        final = last[:, -1] * self.sizes[-1]
-        cost = casadi.sum2(costs) + casadi.dot(triangle_weights(problem.states) * vech(self.terminal), final)
+        residuals, costs = self._element().map(E)(before, y, np.hstack(list(turns)), by_element, *self._parameters())
+        terminal = self.frames[-1].T @ self.terminal @ self.frames[-1]
+        cost = casadi.sum2(costs) + casadi.dot(triangle_weights(problem.states) * vech(terminal), last[:, -1])
         # where the bounds leave no choice there is nothing to constrain
         room = np.sum(problem.upper, axis=1)
         free = np.flatnonzero(room > problem.select + 1e-9)
@@ -259,13 +260,15 @@ class _Transcription:
             g_upper=np.concatenate([np.zeros(rows), np.full(len(free), float(problem.select))]),
             spell=self._spell,
         )
-        state = vech(self.mesh.stages)
+        state = self.mesh.stages
         if self.ends_apart:
-            state = np.concatenate([state, vech(self.mesh.ends[1:])[:, None]], axis=1)
-        start = np.concatenate([weights.ravel(), (state / self.sizes[:, None]).ravel()])
-        more: tuple = (("mu_strategy", "adaptive"),)
+            state = np.concatenate([state, self.mesh.ends[1:, None]], axis=1)
+        inverses = self.inverses[:, None]
+        start = np.concatenate([weights.ravel(), vech(inverses @ state @ np.swapaxes(inverses, -1, -2)).ravel()])
+        # on stiff starts the monotone barrier loses its way
+        more: tuple = (("mu_strategy", "adaptive"),) if E > 4 * N else (("mu_init", 1e-3),)
         if warm:
-            more = (("mu_init", 1e-4), ("bound_push", 1e-6), ("bound_frac", 1e-6))
+            more = (("mu_init", 1e-5), ("bound_push", 1e-6), ("bound_frac", 1e-6))
         return solve_nlp(program, start, IpoptOptions(max_iterations, more=more), monitor)
 
     def _spell(self, row: int) -> str:
@@ -282,16 +285,28 @@ class _Transcription:
     def covariances(self, x: np.ndarray) -> np.ndarray:
         """(E + 1, n, n) at the ends of the elements."""
         y = x[self.problem.upper.size :].reshape(self.elements, self.unknown, self.packed)
-        ends = unvech(y[:, -1] * self.sizes)
+        ends = self.frames @ unvech(y[:, -1]) @ np.swapaxes(self.frames, 1, 2)
         return np.concatenate([self.problem.plant.covariance[None], ends])
 
     def costates(self, found: NlpOutcome) -> np.ndarray:
         """(E, n, n) at the starts of the elements, from the multipliers of the Runge-Kutta equations.
 
-        `before` enters each row of an element with the factor -1/size, so -sum_i multiplier_i/size is the derivative
-        of the optimal cost by the packed covariance there: the costate times the triangle's weights.
+        The covariance at the start of an element enters each of its rows with the factor -1, so -sum_i multiplier_i is
+        the derivative of the optimal cost by its packed entries: the costate, in the element's coordinates, times the
+        triangle's weights.
         """
         rows = self.packed * self.unknown * self.elements
         multipliers = found.multipliers[:rows].reshape(self.elements, self.unknown, self.packed)
-        slope = -np.sum(multipliers, axis=1) / self.sizes
-        return unvech(slope / triangle_weights(self.problem.states))
+        costate = unvech(-np.sum(multipliers, axis=1) / triangle_weights(self.problem.states))
+        return np.swapaxes(self.inverses, 1, 2) @ costate @ self.inverses
+
+
+def _frames(covariances: np.ndarray) -> np.ndarray:
+    """Triangular D (E, n, n) with D D' = covariances, lifted off zero where they are singular."""
+    diagonal = np.einsum("eii->ei", covariances)
+    largest = np.max(diagonal, axis=1, keepdims=True)
+    scale = np.sqrt(np.maximum(diagonal, np.where(largest > 0, 1e-8 * largest, 1.0)))
+    unit = symmetrise(covariances / scale[:, :, None] / scale[:, None, :])
+    values, vectors = np.linalg.eigh(unit)
+    lifted = (vectors * np.maximum(values, 1e-9)[:, None]) @ np.swapaxes(vectors, 1, 2)
+    return scale[:, :, None] * np.linalg.cholesky(lifted)

@@ -130,8 +130,10 @@ def polish(sweep: Sweep, start: np.ndarray, max_rounds: int = 200, monitor: Moni
     v = start.copy()
     J, _ = sweep.cost_and_gradient(v)
     share = 1.0
+    refused = np.zeros(r.intervals, dtype=bool)
     for rounds in range(max_rounds):
         gain, leaving, entering = best_exchanges(sweep, v)
+        gain[refused] = 0.0
         order = np.argsort(gain, kind="stable")
         order = order[gain[order] < -1e-12 * abs(J)]
         if not len(order):
@@ -148,10 +150,13 @@ def polish(sweep: Sweep, start: np.ndarray, max_rounds: int = 200, monitor: Moni
             J_new, _ = sweep.cost_and_gradient(trial)
             if J_new < J:
                 v, J = trial, J_new
+                refused[:] = False
                 break
             if count == 1:
-                # the exact gain was lost in rounding: nothing left to win
-                return SweepOutcome(v, J, -np.inf, rounds, "stationary")
+                # the gain drowned in rounding (a start many orders above the rest): leave this interval alone for now
+                refused[chosen] = True
+                sweep.cost_and_gradient(v)
+                break
             share = 0.5 * count / len(order)
         monitor.report(rounds, J, -np.inf, stage="polish")
     return SweepOutcome(v, J, -np.inf, max_rounds, "limit")

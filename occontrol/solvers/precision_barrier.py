@@ -111,7 +111,7 @@ class _Step:
 
 
 class _Newton:
-    """Newton's equations at one point, factored once for predictor and corrector; LinAlgError on loss of definiteness."""
+    """Newton's equations at one point, factored once for predictor and corrector; LinAlgError where rounding wins."""
 
     def __init__(self, form: NormalForm, point: _Point):
         self.form, self.point = form, point

@@ -1,7 +1,7 @@
 """Can the bound be met at all? Decided in closed form, before any solver starts.
 
-The least posterior covariance is reached at the caps (infinite precision where there is none). In units of the bound its
-largest eigenvalue is the smallest reachable factor: below 1 the bound can be met strictly, above 1 not at all. At
+The least posterior covariance is reached at the caps (infinite precision where there is none). In units of the bound
+its largest eigenvalue is the smallest reachable factor: below 1 the bound can be met strictly, above 1 not at all. At
 exactly 1 it is met only if the caps are finite, or in directions that no sensor sees and that meet it from the start.
 """
 

@@ -72,7 +72,7 @@ class ClarabelRoute:
 
 @dataclass(frozen=True)
 class Uniform:
-    """The baseline: every sensor gets the same precision (its cap where that is lower), the least that meets the bound."""
+    """The baseline: the least precision, the same for every sensor (or its cap if lower), that meets the bound."""
 
     name: str = field(default="uniform", init=False)
 
@@ -93,7 +93,7 @@ def choose(program: PrecisionProgram, method: Method, monitor: Monitor | None = 
 
 
 def uniform(program: PrecisionProgram, monitor: Monitor | None = None) -> PrecisionResult:
-    """One level for all sensors: lambda_i = min(level, cap_i), by bisection on the posterior, whose margin rises with it.
+    """One level for all sensors: lambda_i = min(level, cap_i), by bisection on the posterior: its margin rises with it.
 
     The lower bound is that of the optimal precisions, so that its gap is the price of not choosing.
     """
@@ -127,7 +127,7 @@ def uniform(program: PrecisionProgram, monitor: Monitor | None = None) -> Precis
     return replace(
         optimal,
         status=Status.FEASIBLE,
-        message=f"The least common precision is {high:.6g}; choosing freely saves {1 - optimal.objective / objective:.1%}.",
+        message=f"The least common precision is {high:.6g}; free choice saves {1 - optimal.objective / objective:.1%}.",
         precisions=precisions,
         objective=objective,
         margin=float(np.linalg.eigvalsh(program.bound - posterior)[0]),

@@ -57,7 +57,7 @@ class Factored:
 
 @dataclass(frozen=True, eq=False)
 class NormalForm:
-    """A scaled program; see the header. `index` (k,) says which sensors its rows are; objective = unit * costs' values."""
+    """A scaled program; see the header. `index` (k,): which sensors its rows are; objective = unit * costs' values."""
 
     constant: np.ndarray
     factors: np.ndarray
@@ -134,7 +134,7 @@ def reduced_form(split: Factored, prices: np.ndarray, caps: np.ndarray, keep: np
 
 
 def factor_form(split: Factored, prices: np.ndarray, caps: np.ndarray) -> NormalForm:
-    """The factor form, valid whatever Delta is: [[P^d - P, 0], [0, I_r]] + sum_i lambda_i f_i f_i' >= 0, f_i = [g_i; l_i]."""
+    """Factor form, valid for any Delta: [[P^d - P, 0], [0, I_r]] + sum_i lambda_i f_i f_i' >= 0, f_i = [g_i; l_i]."""
     n, r = split.influence.shape
     constant = np.eye(n + r)
     constant[:n, :n] -= split.residual + split.influence @ split.influence.T

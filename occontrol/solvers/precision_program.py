@@ -11,6 +11,7 @@ computed anew from equation (11), and the objective is held against a bound prov
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -46,9 +47,9 @@ class PrecisionProgram:
 
     moments: Moments
     bound: np.ndarray
-    prices: np.ndarray | None = None
-    caps: np.ndarray | None = None
-    fixed: np.ndarray | None = None
+    prices: Any = None
+    caps: Any = None
+    fixed: Any = None
 
     def __post_init__(self) -> None:
         m = self.moments.sensors
@@ -97,12 +98,12 @@ class PrecisionResult:
 
     status: Status
     message: str
-    precisions: np.ndarray | None
+    precisions: Any
     objective: float
     lower_bound: float
     margin: float
     relative_margin: float
-    posterior: np.ndarray | None
+    posterior: Any
     feasibility: Feasibility
     route: str
     iterations: int = 0
@@ -150,7 +151,7 @@ def solve_program(
     relative_gap : (objective - lower bound)/objective above which the status is LIMIT
     tolerance : what the solver aims at
 
-    A barrier that stalls above `relative_gap` is followed by Clarabel where that is small enough; the better answer counts.
+    A barrier that stalls above `relative_gap` is followed by Clarabel where that is small enough; the better counts.
     """
     monitor = monitor or Monitor()
     split, verdict, _ = examine(program)

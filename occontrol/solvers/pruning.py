@@ -1,8 +1,8 @@
 """Fewer sensors: drop the least precise and solve again, or search for the best set of a given size.
 
-Unknowns: which groups of measurements may be used at all. Das & Bhattacharya, section 4.2, after Li et al. (2008): sort the
-precisions, drop the smallest, solve again, until the bound cannot be met. What each removal costs is kept, and a removal
-that the linearised plant cannot spare is refused (its error would grow without any sensor seeing it).
+Unknowns: which groups of measurements may be used at all. Das & Bhattacharya, section 4.2, after Li et al. (2008):
+sort the precisions, drop the smallest, solve again, until the bound cannot be met. What each removal costs is kept, and
+a removal that the linearised plant cannot spare is refused (an error would grow that no sensor sees).
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def best_set(
 ) -> Pruned | None:
     """The cheapest program that uses at most `sensors` groups, by branch and bound; None if there is none.
 
-    With `sensors` None the smallest number that can meet the bound is found first. A node's bound is the program in which
+    With `sensors` None the smallest number that can meet the bound is found first. A node's bound is the program where
     every sensor that is not yet ruled out may be used: it can only be cheaper.
     """
     monitor = monitor or Monitor()

@@ -30,12 +30,13 @@ class RelaxedOptions:
     ----------
     relative_gap : target of (J - bound)/|J|
     max_iterations : steps
-    memory : pairs of the quasi-Newton method, fewer where they would take more than PAIR_BYTES
+    memory : pairs of the quasi-Newton method; 4 n, between 20 and 80, if None (the curvature's rank grows with the
+        states); fewer where they would take more than PAIR_BYTES
     """
 
     relative_gap: float = 1e-4
     max_iterations: int = 3000
-    memory: int = 60
+    memory: int | None = None
 
 
 @dataclass
@@ -80,7 +81,8 @@ def minimise_relaxed(
     r = sweep.recursion
     upper, select = r.upper, r.select
     v = uniform(upper, select) if start is None else start
-    memory = FaceBFGS(v.shape, max(5, min(options.memory, PAIR_BYTES // (16 * v.size))))
+    pairs = options.memory or min(max(4 * r.states, 20), 80)
+    memory = FaceBFGS(v.shape, max(5, min(pairs, PAIR_BYTES // (16 * v.size))))
     cuts = Cuts(v.shape, upper, select)
     before = (sweep.backward_count, sweep.forward_count)
     J, g = sweep.cost_and_gradient(v)

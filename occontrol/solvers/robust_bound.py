@@ -143,9 +143,9 @@ def split_recursion(slots: Slots, terminal: np.ndarray, panels: int = PANELS):
     n, M, flow = slots.start.shape[0], slots.sensors, slots.flow
     share = np.linspace(0, 1, 2 * parts + 1)[:-1]
     halves = np.append((slots.edges[:-1, None] + np.diff(slots.edges)[:, None] * share).ravel(), slots.edges[-1])
-    F, Q, O = flow.elements(halves[:-1], halves[1:])
-    X = _weights_at(slots, halves, (F, Q, O))
-    F, Q, _ = ordinary_elements((F, Q, O), X[:-1], X[1:])
+    F, Q, R = flow.elements(halves[:-1], halves[1:])
+    X = _weights_at(slots, halves, (F, Q, R))
+    F, Q, _ = ordinary_elements((F, Q, R), X[:-1], X[1:])
     transition = np.concatenate([F[:1], F[2::2] @ F[1:-1:2], F[-1:]])
     noise = np.concatenate([Q[:1], F[2::2] @ Q[1:-1:2] @ np.swapaxes(F[2::2], 1, 2) + Q[2::2], Q[-1:]])
     middles = halves[1::2]
@@ -173,11 +173,11 @@ def split_recursion(slots: Slots, terminal: np.ndarray, panels: int = PANELS):
 
 def _weights_at(slots: Slots, times: np.ndarray, element: Element) -> np.ndarray:
     """X at a finer grid of times, by walking the sensor-free spans back from the end."""
-    F, Q, O = element
+    F, Q, R = element
     n = F.shape[-1]
     X = np.zeros((len(times), n, n))
     for k in range(len(times) - 2, -1, -1):
-        X[k] = F[k].T @ X[k + 1] @ np.linalg.solve(np.eye(n) - Q[k] @ X[k + 1], F[k]) - O[k]
+        X[k] = F[k].T @ X[k + 1] @ np.linalg.solve(np.eye(n) - Q[k] @ X[k + 1], F[k]) - R[k]
         X[k] = (X[k] + X[k].T) / 2
     return X
 

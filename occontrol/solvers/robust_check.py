@@ -6,6 +6,7 @@ span elements of the search.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -54,7 +55,7 @@ def integrate(
     for a, b, sensor in zip(edges[:-1], edges[1:], sequence, strict=True):
         inner = flow.cuts[(flow.cuts > a + 1e-12 * (b - a)) & (flow.cuts < b - 1e-12 * (b - a))]
         nodes = [a, *inner, b]
-        spans += [(s, e, sensor) for s, e in zip(nodes[:-1], nodes[1:], strict=True)]
+        spans += [(s, e, sensor) for s, e in itertools.pairwise(nodes)]
 
     def inside(t: float, span: tuple) -> float:
         # a table that jumps at the end of the span must not be read beyond it
@@ -68,7 +69,9 @@ def integrate(
     def run(rate, start: np.ndarray, span: tuple, backward: bool):
         limits = (span[1], span[0]) if backward else (span[0], span[1])
         scale = float(np.max(np.abs(start), initial=0.0)) or 1e-3
-        done = solve_ivp(rate, limits, start, "DOP853", dense_output=not backward, rtol=TOLERANCE, atol=TOLERANCE * scale)
+        done = solve_ivp(
+            rate, limits, start, "DOP853", dense_output=not backward, rtol=TOLERANCE, atol=TOLERANCE * scale
+        )
         return done if done.success and np.all(np.isfinite(done.y)) else None
 
     P, paths = np.linalg.inv(weight).ravel(), []

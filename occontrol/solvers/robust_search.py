@@ -76,7 +76,7 @@ class _Layer:
 def contraction(slots: Slots) -> np.ndarray:
     """(N, M): N' <= (1 + e) N before a slot becomes N' <= (1 + k e) N after it, k <= 1.
 
-    k is the largest eigenvalue of F M F' against Q + F M F', M = (N^-1 + O)^-1, at an N that no sequence exceeds.
+    k is the largest eigenvalue of F M F' against Q + F M F', M = (N^-1 + R)^-1, at an N that no sequence exceeds.
     """
     result = np.ones(slots.element[0].shape[:2])
     above = slots.start
@@ -216,7 +216,9 @@ def _bound(layer: _Layer, planes: list[Plane], edge: int, degree: float, tail: f
         if np.isfinite(plane.constant[edge]):
             bound = np.maximum(bound, plane.constant[edge] - np.einsum("ij,rij->r", plane.slope[edge], information))
     bound = bound / (1 + layer.slack * tail) ** degree
-    return _Layer(layer.ordinary, layer.slack, np.where(layer.slack > 0, bound, np.maximum(bound, layer.bound)), layer.sequences)
+    return _Layer(
+        layer.ordinary, layer.slack, np.where(layer.slack > 0, bound, np.maximum(bound, layer.bound)), layer.sequences
+    )
 
 
 def _merge(layer: _Layer, factor: float) -> _Layer:

@@ -27,7 +27,7 @@ class Slots:
     edges : (N+1,) slot edges
     free : (N+1, n, n) X at the edges, zero at the last
     start : (n, n) N at edges[0]
-    element : arrays (N, M, n, n): F, Q, O of N over each slot with each sensor
+    element : arrays (N, M, n, n): F, Q, R of N over each slot with each sensor
     size : Size
     level : d + x0'Y(0)x0
     """
@@ -104,7 +104,13 @@ def slot_table(
     element = tuple(np.ascontiguousarray(part.reshape(N, M, flow.n, flow.n)) for part in ordinary)
     Y = center_weight(free[0], np.linalg.inv(weight))
     return Slots(
-        flow, np.asarray(edges, dtype=float), free, ordinary_start(weight, free[0]), element, size, float(level + center @ Y @ center)
+        flow,
+        np.asarray(edges, dtype=float),
+        free,
+        ordinary_start(weight, free[0]),
+        element,
+        size,
+        float(level + center @ Y @ center),
     )  # type: ignore[arg-type]
 
 

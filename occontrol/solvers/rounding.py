@@ -44,3 +44,30 @@ def sum_up_rounding(weights: np.ndarray, steps: np.ndarray, upper: np.ndarray, s
     result = np.zeros_like(weights)
     _sum_up(np.ascontiguousarray(weights), steps, upper, select, result)
     return result
+
+
+SHORTEST = 4
+CHANGES = 3
+
+
+def singular_intervals(relaxed: np.ndarray, rounded: np.ndarray) -> np.ndarray:
+    """(N,) whether an interval lies on a singular arc: relaxed weights fractional, the switching policy chatters.
+
+    A switch time inside an interval, or one not yet sharp at the target gap, leaves a few fractional intervals too;
+    there the rounded policy changes once or twice. So a run of fractional intervals counts when it has at least
+    SHORTEST of them and the rounded policy changes at least CHANGES times within it.
+
+    Parameters
+    ----------
+    relaxed : (N, M) relaxed optimum
+    rounded : (N, M) integral policy made from it
+    """
+    fractional = np.any((np.abs(relaxed - np.round(relaxed)) > 1e-3), axis=1)
+    singular = np.zeros(len(relaxed), dtype=bool)
+    starts = np.flatnonzero(fractional & ~np.r_[False, fractional[:-1]])
+    ends = np.flatnonzero(fractional & ~np.r_[fractional[1:], False]) + 1
+    changed = np.r_[False, np.any(np.abs(np.diff(rounded, axis=0)) > 0.5, axis=1)]
+    for a, b in zip(starts, ends, strict=True):
+        if b - a >= SHORTEST and np.sum(changed[a + 1 : b]) >= CHANGES:
+            singular[a:b] = True
+    return singular
