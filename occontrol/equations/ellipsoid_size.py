@@ -57,19 +57,18 @@ class Size:
     def support(self, P: np.ndarray, level: float, power: float = np.inf) -> tuple[float, np.ndarray]:
         """A convex function of P^-1 that nowhere exceeds the size: its value at P and its gradient (n, n) there.
 
-        For the longest axis that function is sqrt(d tr(W P)) with a fixed W of trace one: the projector on the longest
-        axis, or, with a finite `power`, W ~ P^(power-1), which weighs all axes that are nearly as long.
+        For the longest axis that function is sqrt(d tr(W P)) with a fixed W of trace one: the projector on that axis, or, with a finite `power`, W ~ P^(power-1), which weighs all axes that are nearly as long.
         """
         value, gradient = self._smooth_part(P, level)
         for name, weight in self.terms:
             if name == "longest-axis":
-                lengths, W, _ = _soft(P, power)
+                _lengths, W, _ = _soft(P, power)
                 here = math.sqrt(level * np.sum(W * P))
                 value, gradient = value + weight * here, gradient + weight * level * W / (2 * here)
         return float(value), gradient
 
     def smooth(self, P: np.ndarray, level: float, power: float) -> tuple[float, np.ndarray]:
-        """The size with (tr P^power)^(1/power) in place of lambda_max, and its gradient (n, n): never below the size."""
+        """The size with (tr P^power)^(1/power) for lambda_max, and its gradient (n, n): never below the size."""
         value, gradient = self._smooth_part(P, level)
         for name, weight in self.terms:
             if name == "longest-axis":

@@ -107,10 +107,10 @@ def from_ordinary(N: np.ndarray, X: np.ndarray) -> np.ndarray:
 def ordinary_elements(element: Element, X_start: np.ndarray, X_end: np.ndarray) -> Element:
     """The span element of N from that of P, with X at both ends of the span; batches welcome.
 
-    F_N = (I - Q X1)^-1 F,   Q_N = (I - Q X1)^-1 Q,   O_N = X0 + O - F' X1 (I - Q X1)^-1 F
+    F_N = (I - Q X1)^-1 F,   Q_N = (I - Q X1)^-1 Q,   R_N = X0 + R - F' X1 (I - Q X1)^-1 F
     """
-    F, Q, O = element
+    F, Q, R = element
     G = np.linalg.inv(np.eye(F.shape[-1]) - Q @ X_end)
     FN, QN = G @ F, G @ Q
-    ON = X_start + O - _t(F) @ X_end @ FN
-    return FN, (QN + _t(QN)) / 2, (ON + _t(ON)) / 2
+    RN = X_start + R - _t(F) @ X_end @ FN
+    return FN, (QN + _t(QN)) / 2, (RN + _t(RN)) / 2

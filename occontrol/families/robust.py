@@ -100,9 +100,7 @@ def solve(problem: Problem, method: Any = None, monitor: Monitor | None = None) 
     if sequence is None:
         sequence = _baseline(problem, slots, method)
     bound = relaxed_policy(slots, monitor=watch)[2]
-    return finish(
-        problem, slots, method.name, began, watch, sequence, bound, Status.FEASIBLE, _TEXT[method.name], {}
-    )
+    return finish(problem, slots, method.name, began, watch, sequence, bound, Status.FEASIBLE, _TEXT[method.name], {})
 
 
 def _baseline(problem: Problem, slots: Slots, method: Any) -> list[int]:
@@ -142,9 +140,7 @@ def _optimal(problem: Problem, slots: Slots, method: Optimal, began: float, watc
         "relaxed_bound": found.relaxed_bound,
         "one_step_cost": slots.cost(greedy),
     }
-    return finish(
-        problem, slots, method.name, began, watch, found.sequence, found.lower_bound, status, message, extra
-    )
+    return finish(problem, slots, method.name, began, watch, found.sequence, found.lower_bound, status, message, extra)
 
 
 def _refuse_too_many(problem: Problem, method: All) -> None:
@@ -206,9 +202,7 @@ def certify(problem: Problem, schedule: Schedule) -> Solution:
     found = search(slots, [sequence], monitor=watch)
     message = f"The best sequence known costs {found.cost:.8g}; none costs less than {found.lower_bound:.8g}."
     extra = {"nodes": found.nodes, "best_known_cost": found.cost}
-    return finish(
-        problem, slots, "certify", began, watch, sequence, found.lower_bound, Status.FEASIBLE, message, extra
-    )
+    return finish(problem, slots, "certify", began, watch, sequence, found.lower_bound, Status.FEASIBLE, message, extra)
 
 
 def simulate(problem: Problem, solution: Solution | None, seed: int = 0) -> tuple[list[Measurement], Trajectory]:
@@ -224,7 +218,13 @@ def simulate(problem: Problem, solution: Solution | None, seed: int = 0) -> tupl
 
     chosen = solution or solve(problem)
     return simulate_admissible(
-        problem.flow, problem.plant, problem.sensors.names, problem.edges, sequence_of(problem, chosen), problem.samples, seed
+        problem.flow,
+        problem.plant,
+        problem.sensors.names,
+        problem.edges,
+        sequence_of(problem, chosen),
+        problem.samples,
+        seed,
     )
 
 

@@ -76,7 +76,9 @@ def infeasible(problem: Problem, method: str, began: float, sequence: Sequence[i
         escape = escape_time(problem.flow, plant.weight, edges, sequence)
         result["escape_time"] = escape
         if escape is None:
-            message += " With this schedule P itself lives to the end: the plant is robustly, not uniformly, observable."
+            message += (
+                " With this schedule P itself lives to the end: the plant is robustly, not uniformly, observable."
+            )
         else:
             message += f" With this schedule P escapes at t = {escape:.12g}."
     result["schedule"] = []

@@ -36,7 +36,9 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     if "nodes" in r:
         lines.append(("nodes", f"{r['nodes']} of {len(problem.sensors)}^{problem.slots} sequences"))
     if "one_step_cost" in r:
-        lines.append(("one step", f"{r['one_step_cost']:.10g}, {100 * (r['one_step_cost'] / r['cost'] - 1):.3g} % above"))
+        lines.append(
+            ("one step", f"{r['one_step_cost']:.10g}, {100 * (r['one_step_cost'] / r['cost'] - 1):.3g} % above")
+        )
     if "worst_cost" in r:
         lines.append(("worst", f"{r['worst_cost']:.10g}"))
     if r.get("sequence"):

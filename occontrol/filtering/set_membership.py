@@ -90,7 +90,9 @@ def initial_states(start: float, center: np.ndarray, weight: np.ndarray, level: 
     return PossibleStates(start, np.asarray(center, dtype=float), np.asarray(weight, dtype=float), float(level))
 
 
-def propagate(flow: Flow, states: PossibleStates, end: float, sensor: int | None, y: np.ndarray | None) -> PossibleStates:
+def propagate(
+    flow: Flow, states: PossibleStates, end: float, sensor: int | None, y: np.ndarray | None
+) -> PossibleStates:
     """The set at `end` when one sensor reported the constant y (m,) since the set's own time.
 
     Parameters
@@ -115,9 +117,9 @@ def propagate(flow: Flow, states: PossibleStates, end: float, sensor: int | None
     form = np.zeros((n + 1, n + 1))
     form[:n, :n] = states.inverse
     form[n, n] = -states.level * unit**2  # the set is where the form is at most zero
-    F, Q, O = Flow(A, B, K, C, flow.gain).element(t, end, 0 if used else None)
+    F, Q, R = Flow(A, B, K, C, flow.gain).element(t, end, 0 if used else None)
     back = np.linalg.inv(F)
-    before = form + O
+    before = form + R
     form = back.T @ before @ np.linalg.solve(np.eye(n + 1) + back @ Q @ back.T @ before, back)
     inverse = (form[:n, :n] + form[:n, :n].T) / 2
     if np.linalg.eigvalsh(inverse)[0] <= 0:

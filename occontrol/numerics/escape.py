@@ -1,6 +1,6 @@
 """Finite escape of a game Riccati flow, in information form.
 
-P(t + h) escapes when P(t)^-1 + O(h) becomes singular, O the span's observability part. Without sensors -O grows with h,
+P(t + h) escapes when P(t)^-1 + R(h) becomes singular, R the span's observability part. Without sensors -R grows with h,
 so the test at h also covers everything before h, and it needs P at the start of the span only. With sensors P may
 escape and come back within a span, so a span is first proven free of escapes without its sensor (which only helps),
 and only the last stretch, too short for such a proof, is searched for the first zero of the smallest eigenvalue.
@@ -9,6 +9,7 @@ Unknown: Pi = P^-1, (n, n) symmetric.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -32,13 +33,13 @@ def free_weights(flow: Flow, edges: np.ndarray) -> np.ndarray | None:
 
     -dX/dt = A'X + X A + K'K + X BB' X
     """
-    (F, Q, O), exists = flow.free_elements(edges[:-1], edges[1:])
+    (F, Q, R), exists = flow.free_elements(edges[:-1], edges[1:])
     if not np.all(exists):
         return None
     X = np.zeros((len(edges), flow.n, flow.n))
     later = None
     for k in range(len(edges) - 2, -1, -1):
-        slot = (F[k], Q[k], O[k])
+        slot = (F[k], Q[k], R[k])
         if later is not None and not compose_exists(slot, later):
             return None
         later = slot if later is None else star(slot, later)
@@ -47,9 +48,9 @@ def free_weights(flow: Flow, edges: np.ndarray) -> np.ndarray | None:
 
 
 def inverse_after(inverse: np.ndarray, element) -> np.ndarray:
-    """P^-1 at the end of a span from P^-1 at its start:  (Q + F (Pi + O)^-1 F')^-1."""
-    F, Q, O = element
-    P = Q + F @ np.linalg.solve(inverse + O, F.T)
+    """P^-1 at the end of a span from P^-1 at its start:  (Q + F (Pi + R)^-1 F')^-1."""
+    F, Q, R = element
+    P = Q + F @ np.linalg.solve(inverse + R, F.T)
     result = np.linalg.inv((P + P.T) / 2)
     return (result + result.T) / 2
 
@@ -77,9 +78,9 @@ def horizon(flow: Flow, weight: np.ndarray, start: float = 0.0, limit: float = n
     while t < limit:
         end = min(t + h, limit, failed)
         element, exists = flow.free_elements(np.array([t]), np.array([end]))
-        F, Q, O = (part[0] for part in element)
-        if exists[0] and smallest(inverse + O) > 0:
-            following = inverse_after(inverse, (F, Q, O))
+        F, Q, R = (part[0] for part in element)
+        if exists[0] and smallest(inverse + R) > 0:
+            following = inverse_after(inverse, (F, Q, R))
             still = flow.constant and np.allclose(following, inverse, rtol=1e-15, atol=0) and np.max(np.abs(F)) < 1e-8
             if still or (end >= limit):
                 return None
@@ -96,7 +97,7 @@ def horizon(flow: Flow, weight: np.ndarray, start: float = 0.0, limit: float = n
 
 def _observable(flow: Flow, weight: np.ndarray) -> tuple[Flow | None, np.ndarray]:
     """The part of a constant plant that K sees: X lives there, and X0 is replaced by its Schur complement."""
-    A, B, K = flow.A.at(0.0), flow.B.at(0.0), flow.K.at(0.0)
+    A, B, K = flow.A.at(0.0), flow.B.at(0.0), flow.gain * flow.K.at(0.0)
     scale = max(np.linalg.norm(A, 2), 1e-300)
     block, rows = K, [K]
     for _ in range(flow.n - 1):
@@ -132,8 +133,8 @@ def escape_time(flow: Flow, weight: np.ndarray, edges: np.ndarray, sequence: Seq
             if t >= b:
                 break
             end = min(t + h, b)
-            (F, Q, O), exists = flow.free_elements(np.array([t]), np.array([end]))
-            if exists[0] and smallest(inverse + O[0]) > 0:
+            (_F, _Q, R), exists = flow.free_elements(np.array([t]), np.array([end]))
+            if exists[0] and smallest(inverse + R[0]) > 0:
                 inverse = inverse_after(inverse, flow.element(t, end, sensor))
                 t, h = end, 2 * h
             elif end - t > SHORTEST * (b - a):
@@ -152,13 +153,13 @@ def escape_time(flow: Flow, weight: np.ndarray, edges: np.ndarray, sequence: Seq
 
 
 def _bracket(flow: Flow, inverse: np.ndarray, t: float, end: float, sensor: int | None) -> float | None:
-    """The first zero of the smallest eigenvalue of Pi + O(h) on a short stretch, or None."""
+    """The first zero of the smallest eigenvalue of Pi + R(h) on a short stretch, or None."""
 
     def margin(time: float) -> float:
         return smallest(inverse + flow.element(t, time, sensor)[2]) if time > t else smallest(inverse)
 
     times = np.linspace(t, end, 65)
-    for left, right in zip(times[:-1], times[1:], strict=True):
+    for left, right in itertools.pairwise(times):
         if margin(right) <= 0:
             return float(brentq(margin, left, right, xtol=1e-15 * max(abs(end), 1e-300), rtol=8.9e-16))
     return None

@@ -1,13 +1,13 @@
 """Riccati flows over whole spans, as scattering elements that compose.
 
-The flow of   dP/dt = A P + P A' + P S P + W   from t to t + h, whatever P is, stands in three matrices (F, Q, O):
-    P(t+h) = Q + F (P(t)^-1 + O)^-1 F'
-Q is where P = 0 goes, -O is the largest P^-1 that escapes within the span. Two spans compose by the star product below.
+The flow of   dP/dt = A P + P A' + P S P + W   from t to t + h, whatever P is, stands in three matrices (F, Q, R):
+    P(t+h) = Q + F (P(t)^-1 + R)^-1 F'
+Q is where P = 0 goes, -R is the largest P^-1 that escapes within the span. Two spans compose by the star product below.
 Short spans come from the exponential of the Hamiltonian matrix [[A, W], [-S, -A']], long ones by doubling: no inverse
-of P, no growing exponential, so stiff sensors and long spans lose nothing. Time-varying spans: sixth-order Magnus steps,
-bisected where a step and its two halves differ. Sources: Redheffer (1962) for the star product; Blanes, Casas & Ros
+of P, no growing exponential, so stiff sensors and long spans lose nothing. Time-varying spans: sixth-order Magnus
+steps, bisected where a step and its two halves differ. Sources: Redheffer (1962) for the star product; Blanes, Casas & Ros
 (2000) for the Magnus coefficients.
-Unknowns and order: an element is a tuple (F, Q, O) of (..., n, n) arrays; the leading axes are a batch.
+Unknowns and order: an element is a tuple (F, Q, R) of (..., n, n) arrays; the leading axes are a batch.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ def _even(a: np.ndarray) -> np.ndarray:
 def star(first: Element, second: Element) -> Element:
     """The element of `first` followed by `second`.
 
-    With G = (I + Q1 O2)^-1:   F = F2 G F1,   Q = Q2 + F2 G Q1 F2',   O = O1 + F1' O2 G F1
+    With G = (I + Q1 R2)^-1:   F = F2 G F1,   Q = Q2 + F2 G Q1 F2',   R = R1 + F1' R2 G F1
     """
-    F1, Q1, O1 = first
-    F2, Q2, O2 = second
-    G = np.linalg.inv(np.eye(F1.shape[-1]) + Q1 @ O2)
+    F1, Q1, R1 = first
+    F2, Q2, R2 = second
+    G = np.linalg.inv(np.eye(F1.shape[-1]) + Q1 @ R2)
     FG, GF = F2 @ G, G @ F1
-    return FG @ F1, _even(Q2 + FG @ Q1 @ _t(F2)), _even(O1 + _t(F1) @ O2 @ GF)
+    return FG @ F1, _even(Q2 + FG @ Q1 @ _t(F2)), _even(R1 + _t(F1) @ R2 @ GF)
 
 
 def compose_exists(first: Element, second: Element) -> np.ndarray:
-    """Whether P = 0 at the start survives both spans: eigenvalues of Q1 O2 above -1 (without sensors: exact)."""
+    """Whether P = 0 at the start survives both spans: eigenvalues of Q1 R2 above -1 (without sensors: exact)."""
     values, vectors = np.linalg.eigh(first[1])
     root = vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
     inner = np.eye(values.shape[-1]) + _t(root) @ second[2] @ root
@@ -66,16 +66,16 @@ def _checked(first: Element, second: Element, exists: np.ndarray | None) -> Elem
 
 
 def advance(P: np.ndarray, element: Element) -> np.ndarray:
-    """P at the end of the span:  Q + F P (I + O P)^-1 F'   (P may be singular)."""
-    F, Q, O = element
-    inner = np.linalg.solve(np.eye(P.shape[-1]) + P @ O, P)
+    """P at the end of the span:  Q + F P (I + R P)^-1 F'   (P may be singular)."""
+    F, Q, R = element
+    inner = np.linalg.solve(np.eye(P.shape[-1]) + P @ R, P)
     return _even(Q + F @ _even(inner) @ _t(F))
 
 
 def retreat(P: np.ndarray, weight: np.ndarray, element: Element) -> np.ndarray:
     """Adjoint of `advance`: the gradient before the span of <weight, P after>, at the P before."""
-    F, _, O = element
-    J = F @ np.linalg.inv(np.eye(P.shape[-1]) + P @ O)
+    F, _, R = element
+    J = F @ np.linalg.inv(np.eye(P.shape[-1]) + P @ R)
     return _even(_t(J) @ weight @ J)
 
 
@@ -85,7 +85,7 @@ def identity(n: int, batch: tuple[int, ...] = ()) -> Element:
 
 
 def _from_transfer(M: np.ndarray) -> Element:
-    """(F, Q, O) from the 2n x 2n transfer matrix of the Hamiltonian system."""
+    """(F, Q, R) from the 2n x 2n transfer matrix of the Hamiltonian system."""
     n = M.shape[-1] // 2
     inverse = np.linalg.inv(M[..., n:, n:])
     return _t(inverse), _even(M[..., :n, n:] @ inverse), _even(inverse @ M[..., n:, :n])
@@ -186,16 +186,16 @@ class Flow:
         return self._spans(starts, ends, np.zeros((len(starts), len(self.rows))), exists), exists
 
     def _spans(self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray, exists: np.ndarray | None) -> Element:
-        F, Q, O = (self._constant if self.constant else self._varying)(starts, ends, weights, exists)
-        return F, Q / self._scale**2, O * self._scale**2
+        F, Q, R = (self._constant if self.constant else self._varying)(starts, ends, weights, exists)
+        return F, Q / self._scale**2, R * self._scale**2
 
     def element(self, start: float, end: float, sensor: int | None = None) -> Element:
         """The element of one span with one sensor, or with none."""
         weights = np.zeros((1, len(self.rows)))
         if sensor is not None:
             weights[0, sensor] = 1.0
-        F, Q, O = self.elements(np.array([start]), np.array([end]), weights)
-        return F[0], Q[0], O[0]
+        F, Q, R = self.elements(np.array([start]), np.array([end]), weights)
+        return F[0], Q[0], R[0]
 
     def _constant(self, starts, ends, weights: np.ndarray, exists: np.ndarray | None) -> Element:
         H, size = self._exponents(starts, weights)
@@ -224,7 +224,9 @@ class Flow:
             for m, x in ((left, a), (right, middle)):
                 done.append((m[good], x[good], owner[good]))
             total += 2 * int(np.sum(good))
-            a, b, owner = (np.concatenate(p) for p in ((a[~good], middle[~good]), (middle[~good], b[~good]), (owner[~good],) * 2))
+            a, b, owner = (
+                np.concatenate(p) for p in ((a[~good], middle[~good]), (middle[~good], b[~good]), (owner[~good],) * 2)
+            )
             if total + len(a) > MAX_PIECES:
                 raise SolveFailed(
                     f"the plant cannot be integrated near t = {a[0]:g} in {MAX_PIECES} steps\n"

@@ -1,0 +1,96 @@
+"""Span elements of the game Riccati flow against direct integration and their own algebra."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from occontrol.core.signal import TableSignal, as_signal
+from occontrol.equations.game import shape_rate
+from occontrol.numerics.scattering import Flow, advance, identity, retreat, star
+
+A = [[0, 1], [-1, -0.4]]
+B = [[0], [1]]
+K = [[0.5, 0.2]]
+C = [[[1, 0]], [[0.3, 1]]]
+
+
+def constant_flow():
+    return Flow(as_signal(A), as_signal(B), as_signal(K), [as_signal(c) for c in C])
+
+
+def varying_flow():
+    table = TableSignal(
+        np.array([0.0, 0.7, 1.1, 3.0]), np.array([[[1.0, 0]], [[0, 2.0]], [[1, 1.0]], [[2, 0.0]]]), "previous"
+    )
+    return Flow(
+        as_signal([[0, 1], ["-1-0.8*sin(3*t)", -0.4]]),
+        as_signal([["0.2*t"], ["1+exp(-t)"]]),
+        as_signal([["0.5*cos(t)", 0.2]]),
+        [as_signal([["1+t", 0]]), table],
+    )
+
+
+def integrated(flow, P, start, end, sensor):
+    n = len(P)
+    inner = flow.cuts[(flow.cuts > start) & (flow.cuts < end)]
+    for a, b in zip([start, *inner], [*inner, end], strict=True):
+
+        def rate(t, z, b=b):
+            t = min(t, b - 1e-13)
+            return shape_rate(
+                z.reshape(n, n), flow.A.at(t), flow.B.at(t), flow.K.at(t), flow.rows[sensor].at(t)
+            ).ravel()
+
+        P = solve_ivp(rate, (a, b), P.ravel(), "DOP853", rtol=1e-12, atol=1e-13).y[:, -1].reshape(n, n)
+    return P
+
+
+@pytest.mark.parametrize("flow", [constant_flow(), varying_flow()], ids=["constant", "varying"])
+@pytest.mark.parametrize("sensor", [0, 1])
+def test_an_element_carries_any_start_as_direct_integration_does(flow, sensor):
+    rng = np.random.default_rng(sensor)
+    element = flow.element(0.2, 1.9, sensor)
+    for _ in range(3):
+        root = rng.normal(size=(2, 2))
+        P = 0.5 * root @ root.T
+        assert advance(P, element) == pytest.approx(integrated(flow, P, 0.2, 1.9, sensor), rel=1e-9, abs=1e-11)
+
+
+@pytest.mark.parametrize("flow", [constant_flow(), varying_flow()], ids=["constant", "varying"])
+def test_elements_compose(flow):
+    whole = flow.element(0.1, 1.7, 1)
+    halves = star(flow.element(0.1, 0.8, 1), flow.element(0.8, 1.7, 1))
+    for one, two in zip(whole, halves, strict=True):
+        assert two == pytest.approx(one, rel=1e-11, abs=1e-12)
+    for one, two in zip(star(identity(2), whole), whole, strict=True):
+        assert one == pytest.approx(two, abs=1e-15)
+
+
+def test_a_stiff_sensor_and_a_long_span_lose_nothing():
+    """Scalar: the limit is the root of the algebraic equation 2 a p + (k^2 - c^2) p^2 + b^2 = 0."""
+    a, b, k, c = 0.3, 0.7, 0.4, 1e4
+    flow = Flow(*(as_signal([[v]]) for v in (a, b, k)), [as_signal([[c]])])
+    s = k * k - c * c
+    limit = (-a - np.sqrt(a * a - s * b * b)) / s
+    assert advance(np.array([[5.0]]), flow.element(0, 50.0, 0))[0, 0] == pytest.approx(limit, rel=1e-12)
+
+
+@pytest.mark.parametrize("flow", [constant_flow(), varying_flow()], ids=["constant", "varying"])
+def test_complex_weights_give_the_exact_derivative(flow):
+    P, v, step, e = np.diag([0.5, 1.0]), np.array([[0.3, 0.7]]), 1e-5, np.array([[1.0, 0.0]])
+
+    def after(weights):
+        return advance(P, tuple(part[0] for part in flow.elements(np.array([0.0]), np.array([0.6]), weights)))
+
+    exact = after(v + 1e-30j * e).imag / 1e-30
+    difference = (after(v + step * e) - after(v - step * e)) / (2 * step)
+    assert exact == pytest.approx(difference, rel=1e-7, abs=1e-9)
+
+
+def test_retreat_is_the_adjoint_of_advance():
+    rng = np.random.default_rng(3)
+    element, P = constant_flow().element(0, 0.5, 0), np.diag([0.5, 1.0])
+    weight, change = (m + m.T for m in rng.normal(size=(2, 2, 2)))
+    step = 1e-6
+    difference = (advance(P + step * change, element) - advance(P - step * change, element)) / (2 * step)
+    assert np.sum(weight * difference) == pytest.approx(np.sum(retreat(P, weight, element) * change), rel=1e-8)
