@@ -51,17 +51,19 @@ class Terminal:
         )
         os.close(end)
 
-    def read_until(self, words: str, seconds: float = 60) -> None:
+    def read_until(self, words: str, seconds: float = 200) -> None:
         end = time.monotonic() + seconds
         while words not in self.text:
-            assert time.monotonic() < end, f"no '{words}' in: {self.text[-2000:]}"
+            if time.monotonic() > end:
+                self.process.kill()
+                raise AssertionError(f"no '{words}' in: {self.text[-2000:]}")
             try:
                 self.text += os.read(self.control, 4096).decode(errors="replace")
             except OSError as error:  # the other end is closed
                 raise AssertionError(f"ended without '{words}': {self.text[-2000:]}") from error
 
     def finish(self) -> int:
-        code = self.process.wait(60)
+        code = self.process.wait(200)
         os.close(self.control)
         return code
 
@@ -85,6 +87,21 @@ def test_one_signal_keeps_the_best_so_far_with_its_certificate(tmp_path: Path, n
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_one_signal_stops_ipopt_too(tmp_path: Path, small_text: str, number: int, code: int) -> None:
+    text = small_text.replace("intervals: 40", "intervals: 400")
+    (tmp_path / "long.yaml").write_text(text[: text.index("method:")] + "method: {name: collocation}\n")
+    terminal = Terminal("solve", str(tmp_path / "long.yaml"), "--out", str(tmp_path / "run"), "--no-figures")
+    terminal.read_until("iteration 2")
+    terminal.process.send_signal(number)
+    assert terminal.finish() == code
+    _, solution = read_run(tmp_path / "run")
+    assert solution.status == "interrupted" and solution.method == "collocation"
+    assert solution.certificate is not None and solution.certificate.lower_bound <= solution.certificate.cost
+    assert solution.cost > 0  # an interrupted Ipopt hands back 0.0
+
+
+@pytest.mark.slow
 def test_a_second_signal_ends_the_process_at_once(tmp_path: Path) -> None:
     file = long_problem(tmp_path / "long.yaml")
     terminal = Terminal("solve", str(file), "--out", str(tmp_path / "run"), "--no-figures")
@@ -101,9 +118,9 @@ def test_no_colour_and_a_dumb_terminal(tmp_path: Path, small_file: Path) -> None
     plain = Terminal("solve", str(small_file), "--out", str(tmp_path / "run"), "--no-figures", NO_COLOR="1")
     plain.read_until("iteration")
     assert "\x1b[3" not in plain.text  # no colours; moving the cursor is no colour
-    plain.process.wait(60)
+    plain.process.wait(200)
     dumb = Terminal("solve", str(small_file), "--out", str(tmp_path / "run"), "--no-figures", TERM="dumb")
-    assert dumb.process.wait(60) == 0
+    assert dumb.process.wait(200) == 0
     os.set_blocking(dumb.control, False)
     with pytest.raises((BlockingIOError, OSError)):
         os.read(dumb.control, 10)
