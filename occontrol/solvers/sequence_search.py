@@ -79,7 +79,7 @@ class SearchResult:
     @property
     def proven(self) -> bool:
         """Whether no sequence can be better, up to rounding."""
-        return self.cost - self.lower_bound <= 1e-9 * abs(self.cost)
+        return bool(self.cost - self.lower_bound <= 1e-9 * abs(self.cost))
 
 
 @dataclass
@@ -223,4 +223,4 @@ def search(
         if sequence is not None:
             upper, best = cost, sequence
     watch.report(1, upper, min(upper, lower))
-    return SearchResult(upper, min(lower, upper), best, budget.nodes, widest, budget.stopped)
+    return SearchResult(float(upper), float(min(lower, upper)), best, budget.nodes, widest, budget.stopped)

@@ -101,7 +101,7 @@ def inverse(a):
 
 
 def huge_prior(steps=6):
-    """n = 4 with P0 = 1e16 I and one value at a time; covariances in exact arithmetic, and the numbers they came from."""
+    """n = 4 with P0 = 1e16 I and one value at a time; covariances in exact arithmetic."""
     g = np.random.default_rng(5)
     n = 4
     F, G = g.standard_normal((n, n)) / 2 + np.eye(n), 0.1 * g.standard_normal((n, 2))
