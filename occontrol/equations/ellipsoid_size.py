@@ -57,7 +57,14 @@ class Size:
     def support(self, P: np.ndarray, level: float, power: float = np.inf) -> tuple[float, np.ndarray]:
         """A convex function of P^-1 that nowhere exceeds the size: its value at P and its gradient (n, n) there.
 
-        For the longest axis that function is sqrt(d tr(W P)) with a fixed W of trace one: the projector on that axis, or, with a finite `power`, W ~ P^(power-1), which weighs all axes that are nearly as long.
+        For the longest axis that function is sqrt(d tr(W P)) with a fixed W of trace one: the projector on that axis,
+        or, with a finite `power`, W ~ P^(power-1), which weighs all axes that are nearly as long.
+
+        Parameters
+        ----------
+        P : (n, n) shape
+        level : d
+        power : infinite for the longest axis alone
         """
         value, gradient = self._smooth_part(P, level)
         for name, weight in self.terms:

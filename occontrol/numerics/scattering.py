@@ -5,8 +5,8 @@ The flow of   dP/dt = A P + P A' + P S P + W   from t to t + h, whatever P is, s
 Q is where P = 0 goes, -R is the largest P^-1 that escapes within the span. Two spans compose by the star product below.
 Short spans come from the exponential of the Hamiltonian matrix [[A, W], [-S, -A']], long ones by doubling: no inverse
 of P, no growing exponential, so stiff sensors and long spans lose nothing. Time-varying spans: sixth-order Magnus
-steps, bisected where a step and its two halves differ. Sources: Redheffer (1962) for the star product; Blanes, Casas & Ros
-(2000) for the Magnus coefficients.
+steps, bisected where a step and its two halves differ. Sources: Redheffer (1962) for the star product; Blanes, Casas
+& Ros (2000) for the Magnus coefficients.
 Unknowns and order: an element is a tuple (F, Q, R) of (..., n, n) arrays; the leading axes are a batch.
 """
 
