@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ def check_formulas(entries: Sequence[Any], names: tuple[str, ...], key: str) -> 
     return mistakes
 
 
-def stack_formulas(entries: Sequence[Any], names: tuple[str, ...], symbols: Mapping[str, Any]) -> Any:
+def stack_formulas(entries: Sequence[Any], names: tuple[str, ...], symbols: dict[str, Any]) -> Any:
     """The CasADi column of checked formulas."""
     import casadi
 

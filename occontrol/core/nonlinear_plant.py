@@ -1,6 +1,6 @@
 """Nonlinear plants in discrete time, from formulas or from a named model.
 
-The right side is built once as a CasADi function of one state and evaluated for whole ensembles (one column per member).
+The right side is built once as a CasADi function of one state and evaluated for whole ensembles, a column per member.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class NonlinearPlant(Compiled):
     mean : (n,) initial mean; zero if left out
     f : n formulas of x1 .. xn and t (numbers are allowed); or give `model`
     model : a name in PLANT_MODELS, with `parameters`
-    step : for dx/dt = f: length of one Runge-Kutta step of order four; None means that f itself is the next state, t = k
+    step : for dx/dt = f: length of one Runge-Kutta step of order four; None: f itself is the next state, t = k
     substeps : Runge-Kutta steps from k to k+1
     noise : (n, n) covariance added at every k, [state unit]^2; zero if left out
 

@@ -1,7 +1,7 @@
 """Sigma points of the unscented transform and the moments that belong to them.
 
 Unknowns: n_a, the size of the augmented state (state, then noise). The printed covariance (B_k = L L' with
-L = diag(W^c) - W^c 1') is not the unscented one. The right form, W = I - W^m 1' on both sides of diag(W^c), is rewritten
+L = diag(W^c) - W^c 1') is not the unscented one. The right form, I - W^m 1' on both sides of diag(W^c), is rewritten
 so that nothing large is subtracted: with a_i = Y_i - Y_0 and d = sum_i w_i a_i (i from 1),
 
     mean = Y_0 + d,     covariance = sum_i w_i a_i a_i' + (beta - alpha^2) d d'

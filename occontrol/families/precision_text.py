@@ -36,7 +36,7 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
             "margin",
             f"{result['margin']:.3g} (smallest eigenvalue of bound - posterior), {result['relative_margin']:.1e} of the bound",
         ),
-        ("reachable", f"bound factor {result['smallest_factor']:.6g} or more"),
+        ("reachable", f"bound factor {_reachable(result['smallest_factor'])}"),
     ]
     if "batches" in result:
         table = [
@@ -61,6 +61,10 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
             rows.append(f"kept for detectability: {', '.join(pruning['refused'])}")
         lines.append(("pruning", "\n".join([*rows, f"ended: {pruning['reason']}"])))
     return lines
+
+
+def _reachable(factor: float) -> str:
+    return f"{factor:.6g} or more" if factor > 1e-12 else "of any size"
 
 
 def describe(problem: Problem) -> list[tuple[str, str]]:

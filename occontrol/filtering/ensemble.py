@@ -2,7 +2,7 @@
 
 Unknowns: members (n, N). Forecast by the plant, moments by equations (9) and (10) of Das & Bhattacharya with mean
 centring, update either with perturbed observations (8) or by the symmetric square root. Only the latter has exactly the
-covariance (11) that a precision program promises; after perturbed observations the sample covariance scatters around it.
+covariance (11) that a precision program promises; after perturbed observations the sample covariance scatters.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class Ensemble:
         return Forecast(run.times, mean, centre, moments, members)
 
     def update(self, forecast: Forecast, precisions: np.ndarray, observed: np.ndarray) -> np.ndarray:
-        """Take the batch's measurements (q*m,) in; entries with precision 0 are ignored. Returns the covariance (11), (n, n).
+        """Take the batch's measurements (q*m,) in, without those of precision 0; return the covariance (11), (n, n).
 
         Perturbed: X + K (y - H(X) + e). Square root: mean + K (y - mean H(X)), anomalies times (I + A_y'SA_y)^(-1/2).
         """

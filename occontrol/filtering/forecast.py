@@ -38,7 +38,7 @@ class Forecast:
 
 @dataclass(frozen=True, eq=False)
 class BatchRun:
-    """Members driven through a batch: times (q,), last states (n, N), measurements (q*m, N), and those of the mean (q*m,)."""
+    """Members driven through a batch: times (q,), last states (n, N), measurements (q*m, N), of the mean (q*m,)."""
 
     times: np.ndarray
     members: np.ndarray
@@ -60,11 +60,12 @@ def run_batch(
     Parameters
     ----------
     noise : (batch, n, N) added after every step, or None
-    inflation : factor on the forecast covariance: members move away from their mean by its root, before they are measured
+    inflation : factor on the forecast covariance: members move away from their mean by its root, then are measured
 
     Raises SolveFailed when a member leaves the finite numbers.
     """
     times, values, of_mean = [], [], []
+    names = tuple(measurement.names or ())
     for j in range(batch):
         members = plant.advance(members, (step + j) * plant.interval)
         if noise is not None:
@@ -77,11 +78,9 @@ def run_batch(
         for what, array in (("state", members), ("measurement", measured)):
             if not np.all(np.isfinite(array)):
                 i, column = np.argwhere(~np.isfinite(array))[0]
-                label = f"x{i + 1}" if what == "state" else f"measurement '{measurement.names[i]}'"
+                label = f"x{i + 1}" if what == "state" else f"measurement '{names[i]}'"
                 text = f"{label} of member {column + 1} is not finite at t = {time:g}"
-                raise SolveFailed(
-                    f"{text}\n  hint: use a smaller step with more substeps, or a smaller initial covariance"
-                )
+                raise SolveFailed(f"{text}\n  hint: check the formulas there, or use a smaller step with more substeps")
         times.append(time)
         values.append(measured)
         of_mean.append(measurement.values(np.mean(members, axis=1, keepdims=True), time)[:, 0])
@@ -89,7 +88,7 @@ def run_batch(
 
 
 def split_seed(seed: int, purpose: int) -> np.random.Generator:
-    """Independent streams of one seed: 0 initial ensemble, 1 plant noise, 2 perturbations, 3 truth, 4 measurement noise."""
+    """Independent streams of one seed: 0 ensemble, 1 plant noise, 2 perturbations, 3 truth, 4 measurement noise."""
     return np.random.default_rng([seed, purpose])
 
 

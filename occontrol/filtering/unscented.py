@@ -85,7 +85,7 @@ class Unscented:
         return Forecast(run.times, mean[:n], mean[n:], moments_of_anomalies(anomalies[:n], anomalies[n:]))
 
     def update(self, forecast: Forecast, precisions: np.ndarray, observed: np.ndarray) -> np.ndarray:
-        """Take the batch's measurements (q*m,) in; entries with precision 0 are ignored. Returns the covariance (11), (n, n)."""
+        """Take the batch's measurements (q*m,) in, without those of precision 0; return the covariance (11), (n, n)."""
         moments: Moments = forecast.moments
         precisions = np.asarray(precisions, dtype=float)
         kalman = gain(moments.cross, moments.measurement, precisions)

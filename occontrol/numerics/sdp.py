@@ -7,6 +7,7 @@ The matrix is packed as its upper triangle, column by column, off-diagonal entri
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -68,15 +69,17 @@ def solve_lmi(
 
     Raises ValueError for more than LARGEST rows.
     """
-    import clarabel
-    from scipy.sparse import csc_matrix, eye, vstack
+    import clarabel as module
+    from scipy.sparse import csc_matrix, vstack
 
+    clarabel: Any = module  # it ships no type stubs
     m, r = factors.shape
     if r > LARGEST:
         raise ValueError(f"a matrix inequality of {r} rows is too large for Clarabel's packed cone (at most {LARGEST})")
     capped = np.flatnonzero(np.isfinite(upper))
     products = pack(factors[:, :, None] * factors[:, None, :])
-    blocks = [-eye(m, format="csc"), eye(m, format="csc")[capped], csc_matrix(-products.T)]
+    one = np.eye(m)
+    blocks = [csc_matrix(-one), csc_matrix(one[capped]), csc_matrix(-products.T)]
     right = np.concatenate([np.zeros(m), upper[capped], pack(constant)])
     settings = clarabel.DefaultSettings()
     settings.verbose = False

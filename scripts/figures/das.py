@@ -68,7 +68,8 @@ def heat_map(title: str, text: str, factors: np.ndarray, results: list[Precision
         axes.axhline(20 * j - 0.5, color="black", lw=1.2)
     if batch > 1:
         for j in range(batch):
-            axes.annotate(f"step {j + 1}" + (" (bound)" if j == batch - 1 else ""), (-0.045, 1 - (j + 0.5) / batch), xycoords="axes fraction", rotation=90,
+            name = f"step {j + 1}" + (" (bound)" if j == batch - 1 else "")
+            axes.annotate(name, (-0.045, 1 - (j + 0.5) / batch), xycoords="axes fraction", rotation=90,
                           ha="center", va="center", fontweight="bold", annotation_clip=False)  # fmt: skip
         axes.yaxis.labelpad = 34
     axes.spines[:].set_visible(False)

@@ -48,7 +48,8 @@ def test_jacobians_against_differences():
     measurement = NonlinearMeasurement(3, h=["hypot(x1, x2)", "atan2(x2, x3)"])
     x, e = np.array([0.4, -0.2, 1.3]), 1e-6
     for what, matrix in ((plant.advance, plant.jacobian(x, 1.0)), (measurement.values, measurement.jacobian(x, 1.0))):
-        columns = [(what((x + e * d)[:, None], 1.0) - what((x - e * d)[:, None], 1.0))[:, 0] / (2 * e) for d in np.eye(3)]
+        moved = [(x + e * d)[:, None] for d in np.eye(3)], [(x - e * d)[:, None] for d in np.eye(3)]
+        columns = [(what(a, 1.0) - what(b, 1.0))[:, 0] / (2 * e) for a, b in zip(*moved, strict=True)]
         assert np.allclose(matrix, np.array(columns).T, atol=1e-8)
 
 

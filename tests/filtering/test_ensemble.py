@@ -1,4 +1,4 @@
-"""The ensemble filter: Monte Carlo rate towards the Kalman filter, the promised covariance, seeds, inflation, centring."""
+"""The ensemble filter: Monte Carlo rate to the Kalman filter, the promised covariance, seeds, inflation, centring."""
 
 import numpy as np
 import pytest

@@ -158,7 +158,8 @@ def test_linear_gaussian_information_form():
         information = np.linalg.inv(p) + h.T @ (found.precisions[:, None] * h)
         assert np.allclose(np.linalg.inv(information), found.posterior, rtol=1e-8, atol=1e-10)
         x = cp.Variable(m, nonneg=True)
-        problem = cp.Problem(cp.Minimize(cp.sum(x)), [h.T @ cp.diag(x) @ h >> np.linalg.inv(0.4 * p) - np.linalg.inv(p)])
+        needed = np.linalg.inv(0.4 * p) - np.linalg.inv(p)
+        problem = cp.Problem(cp.Minimize(cp.sum(x)), [h.T @ cp.diag(x) @ h >> needed])
         problem.solve(solver=cp.CLARABEL, tol_gap_abs=1e-11, tol_gap_rel=1e-11, tol_feas=1e-11)
         assert abs(problem.value - found.objective) < 1e-6 * found.objective
 

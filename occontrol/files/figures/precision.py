@@ -130,7 +130,7 @@ def _map(axes: Axes, problem: Any, grid: np.ndarray, what: str) -> None:
     log = _scale(grid.ravel()) == "log"
     shown = np.where(grid > 0, grid, np.nan)
     norm = LogNorm(positive.min(), positive.max()) if log else None
-    options = {"norm": norm} if log else {"vmin": 0.0}
+    options: dict[str, Any] = {"norm": norm} if log else {"vmin": 0.0}
     image = axes.imshow(shown.T, aspect="auto", cmap="Blues", interpolation="nearest", **options)
     bar = axes.figure.colorbar(image, ax=axes, pad=0.02)
     bar.set_label(f"{what} (white: not used)")
@@ -199,6 +199,8 @@ def _sequence(problem: Any, solution: Solution) -> Figure:
 
 
 def _pruning(problem: Any, solution: Solution, removals: list[Mapping[str, Any]]) -> Figure:
+    from matplotlib.ticker import MaxNLocator
+
     figure = new_figure(SLIDE, problem.name, f"pruning ended: {solution.result['pruning']['reason']}")
     axes = figure.add_subplot()
     axes.set_title("What it costs to do with fewer sensors")
@@ -215,7 +217,7 @@ def _pruning(problem: Any, solution: Solution, removals: list[Mapping[str, Any]]
     if max(cost) > 30 * before:
         axes.set_yscale("log")
     axes.invert_xaxis()
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("sensors that may be used")
     axes.set_ylabel("objective")
     axes.legend(loc="upper left")
