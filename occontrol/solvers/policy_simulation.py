@@ -52,7 +52,7 @@ def simulate_interval(
     A, noise = data.plant(start)
     information = data.information((start + end) / 2, weights)
     forward_rate = (end - start) * float(np.trace(information @ covariance))
-    scale = max(float(np.trace(covariance)), 1e-300)
+    scale = float(np.trace(covariance) + (end - start) * np.trace(noise)) or 1.0
     values = np.linalg.eigvalsh(covariance)
     invertible = values[0] > 1e-11 * values[-1] > 0
     if forward_rate > STIFF and invertible:
