@@ -1,0 +1,58 @@
+"""The robust family on the command line: exit codes, JSON, data in and out."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from occontrol.cli import run as command
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        code = command([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+def test_escape_is_exit_4_with_eight_digits(run):
+    code, out, err = run("solve", PROBLEMS / "robust_escape.yaml", "--json", "--out", "nowhere")
+    content = json.loads(out)
+    assert code == 4
+    assert content["status"] == "infeasible"
+    assert content["observability_horizon"] == pytest.approx(0.7390188311873873, abs=1e-10)
+    assert content["escape_time"] == pytest.approx(0.9199619726008745, abs=1e-10)
+    assert "0.73901883" in err
+    assert not Path("nowhere").exists()
+
+
+def test_a_run_from_problem_to_filter(run, tmp_path):
+    folder, data, out = tmp_path / "run", tmp_path / "m.csv", tmp_path / "f.csv"
+    code, text, _ = run("solve", PROBLEMS / "robust_oscillator.yaml", "--json", "--out", folder)
+    assert code == 0
+    assert json.loads(text)["cost"] == pytest.approx(1.6498563079, abs=1e-8)
+    assert {p.name for p in folder.iterdir()} >= {"problem.json", "result.json", "arrays.npz"}
+    assert run("simulate", PROBLEMS / "robust_oscillator.yaml", "--run", folder, "--out", data, "--seed", 2)[0] == 0
+    code, _, err = run("filter", folder, data, "--out", out)
+    assert code == 0
+    assert "101 of 101 true states" in err
+    assert out.read_text().startswith("t,x1,x2,sd_x1,sd_x2")
+    code, text, _ = run("certify", folder, "--json")
+    assert code == 0
+    assert json.loads(text)["cost"] == pytest.approx(1.6498563079, abs=1e-8)
+
+
+def test_unknown_method_and_too_many_sequences(run, tmp_path):
+    code, _, err = run("solve", PROBLEMS / "robust_vehicle.yaml", "--method", "best")
+    assert code == 2
+    assert "best-single" in err
+    code, _, err = run("solve", PROBLEMS / "robust_vehicle.yaml", "--method", "all", "--out", tmp_path / "x")
+    assert code == 3
+    assert "would rank 3^40 sequences" in err
