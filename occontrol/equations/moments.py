@@ -87,10 +87,16 @@ def posterior_covariance(moments: Moments, precisions: np.ndarray) -> np.ndarray
 
     Equal to equation (11) of Das & Bhattacharya with R = S^-1, and valid for zero precisions and singular Y.
     """
-    from scipy.linalg import cholesky, solve_triangular
+    from scipy.linalg import solve_triangular
 
     root, inner = _scaled(moments.measurement, precisions)
-    half = solve_triangular(cholesky(inner, lower=True), (moments.cross * root).T, lower=True)
+    seen = (moments.cross * root).T
+    try:
+        half = solve_triangular(np.linalg.cholesky(inner), seen, lower=True)
+    except np.linalg.LinAlgError:
+        # Y is indefinite in its last digits and the precisions magnify that; I + Y >= I holds all the same
+        values, vectors = np.linalg.eigh(inner)
+        half = (vectors / np.sqrt(np.maximum(values, 1.0))).T @ seen
     return moments.state - half.T @ half
 
 
@@ -113,7 +119,9 @@ def square_root_transform(measurement: np.ndarray, precisions: np.ndarray) -> np
     Its square gives exactly equation (11); with mean-centred anomalies T 1 = 1, so the mean stays where it is.
     """
     count = measurement.shape[1]
-    eigenvalues, vectors = np.linalg.eigh(np.eye(count) + measurement.T @ (np.asarray(precisions)[:, None] * measurement))
+    eigenvalues, vectors = np.linalg.eigh(
+        np.eye(count) + measurement.T @ (np.asarray(precisions)[:, None] * measurement)
+    )
     return (vectors / np.sqrt(np.maximum(eigenvalues, 1.0))) @ vectors.T
 
 

@@ -51,10 +51,14 @@ def solve(problem: Problem, method: Any = None, monitor: Monitor | None = None) 
     monitor = monitor or Monitor()
     method = method or problem.method or Barrier()
     started = time.perf_counter()
+    if monitor.time_limit is None and getattr(method, "time_limit", None) is not None:
+        monitor.time_limit = monitor.seconds + method.time_limit
     spared = _spared(problem)
     steps: list[tuple[PrecisionResult, Pruned | None]] = []
 
-    def step(forecast: Forecast | None, number: int) -> PrecisionResult:
+    def step(forecast: Forecast | None, number: int) -> PrecisionResult | None:
+        if number and monitor.stop:
+            return None  # the batches so far are kept
         moments = problem.moments if forecast is None else forecast.moments
         assert moments is not None
         if problem.batches > 1:

@@ -105,7 +105,8 @@ def run_sequence(
 
     Parameters
     ----------
-    choose : (forecast, number of the batch) -> an object with `precisions` (q*m,), or with None to end the sequence
+    choose : (forecast, number of the batch) -> an object with `precisions` (q*m,); None stops before the batch,
+        an object whose `precisions` are None after it
     seed : of the truth and the measurement noise
 
     The last outcome of a sequence that ended early holds the refused choice, and the forecast as its estimate.
@@ -117,6 +118,8 @@ def run_sequence(
     for k in range(batches):
         forecast = filter_.forecast(batch)
         chosen = choose(forecast, k)
+        if chosen is None:
+            break
         precisions = getattr(chosen, "precisions", None)
         end = truth.states[(k + 1) * batch]
         if precisions is None:

@@ -86,8 +86,6 @@ def choose(program: PrecisionProgram, method: Method, monitor: Monitor | None = 
     monitor = monitor or Monitor()
     if isinstance(method, Uniform):
         return uniform(program, monitor)
-    if method.time_limit is not None and monitor.time_limit is None:
-        monitor.time_limit = method.time_limit
     route = "barrier" if isinstance(method, Barrier) else {"reduced": "clarabel", "factor": "factor"}[method.form]
     return solve_program(program, route, method.relative_gap, 1e-12, method.max_iterations, monitor)
 

@@ -119,7 +119,9 @@ def factored(moments: Moments, bound: np.ndarray) -> Factored:
     return Factored(residual, influence, vectors * spread, deviation, root)
 
 
-def reduced_form(split: Factored, prices: np.ndarray, caps: np.ndarray, keep: np.ndarray, slack: float = 0.0) -> NormalForm:
+def reduced_form(
+    split: Factored, prices: np.ndarray, caps: np.ndarray, keep: np.ndarray, slack: float = 0.0
+) -> NormalForm:
     """The reduced form on the states spanned by `keep` (n, k); Delta > 0 there (see `precision_feasibility`).
 
     `slack` loosens the bound by that fraction: for programs whose only feasible point is the cap itself.
@@ -142,7 +144,9 @@ def factor_form(split: Factored, prices: np.ndarray, caps: np.ndarray) -> Normal
     return _scale(constant, factors, split.deviation, prices, caps)
 
 
-def _scale(constant: np.ndarray, factors: np.ndarray, deviation: np.ndarray, prices: np.ndarray, caps: np.ndarray) -> NormalForm:
+def _scale(
+    constant: np.ndarray, factors: np.ndarray, deviation: np.ndarray, prices: np.ndarray, caps: np.ndarray
+) -> NormalForm:
     norm2 = np.sum(factors**2, axis=1)
     index = np.flatnonzero((deviation > 0) & (caps > 0) & (norm2 > 0))
     scale = 1.0 / (norm2[index] * deviation[index] ** 2)

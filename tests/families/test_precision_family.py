@@ -119,7 +119,11 @@ def test_round_trip_of_every_option(tmp_path):
         ("batch: 2", "batch: 2\nbaches: 3", "unknown key 'baches'"),
         ("step: 0.1", "step: 0", "step is 0"),
         ("filter: {name: ukf}\n", "", "the problem has no 'filter'"),
-        ("family: precision\n", "family: precision\nmoments: {state: 1, cross: 1, measurement: 1}\n", "does not go with moments"),
+        (
+            "family: precision\n",
+            "family: precision\nmoments: {state: 1, cross: 1, measurement: 1}\n",
+            "does not go with moments",
+        ),
     ],
 )
 def test_refusals_name_the_place(tmp_path, old, new, words):
@@ -258,3 +262,43 @@ def test_unstable_ensemble_is_a_failure_with_a_reason(run, tmp_path):
     path.write_text(text, encoding="utf-8")
     code, _, err = run("solve", path, "--out", tmp_path / "r")
     assert code == 6 and "is not finite at t = " in err and "more substeps" in err
+
+
+def test_an_interrupt_keeps_the_batches_so_far(tmp_path):
+    from occontrol.core.monitor import Monitor
+
+    problem = load(tmp_path, BASE + "batches: 4\n")
+
+    def stop_in_the_second(record):
+        if record["stage"].startswith("batch 2") and record["iteration"] >= 4:
+            monitor.interrupted = 2
+
+    monitor = Monitor(show=stop_in_the_second)
+    solution = precision.solve(problem, monitor=monitor)
+    assert solution.status is Status.INTERRUPTED and "2 of 4 batches" in solution.message
+    assert solution.arrays["precisions"].shape == (2, 4) and solution.result["relative_margin"] >= -1e-8
+
+
+@pytest.mark.parametrize("extra", ["", "batches: 3\n", "prune: true\n", "prices: [1, 2]\n"])
+def test_every_picture_is_drawn(tmp_path, extra):
+    from occontrol.files.figures import compare_figure, figures_of
+
+    problem = load(tmp_path, BASE + extra)
+    solution = precision.solve(problem)
+    figures = figures_of(problem, solution)
+    wanted = {"batches: 3\n": {"overview", "sequence"}, "prune: true\n": {"overview", "pruning"}}.get(
+        extra, {"overview"}
+    )
+    assert wanted >= set(figures) >= {"overview"}
+    for figure in figures.values():
+        figure.canvas.draw()
+    assert compare_figure(problem, {"barrier": solution}) is not None
+
+
+def test_pictures_of_what_cannot_be_met(tmp_path):
+    from occontrol.files.figures import compare_figure, figures_of
+
+    problem = load(tmp_path, BASE.replace("caps: 50", "caps: 0.1"))
+    solution = precision.solve(problem)
+    assert figures_of(problem, solution) == {}
+    assert compare_figure(problem, {"barrier": solution}) is not None

@@ -230,3 +230,38 @@ def test_too_large_for_the_packed_cone_is_refused():
         solve_program(PrecisionProgram(moments, 0.5 * moments.state), "clarabel")
     found = solve_program(PrecisionProgram(moments, 0.5 * moments.state))
     assert found.status is Status.CERTIFIED
+
+
+def test_a_solver_that_lies_is_not_believed(monkeypatch):
+    from occontrol.solvers import precision_program
+    from occontrol.solvers.precision_barrier import Iterate
+
+    def liar(form, *rest):
+        return Iterate(0.1 * np.ones(len(form.costs)), np.eye(form.rows), np.zeros(len(form.costs)), 3, "solved")
+
+    monkeypatch.setattr(precision_program, "_run", liar)
+    found = solve_program(PrecisionProgram(SMALL, 0.6 * P3))
+    assert found.status is Status.FAILED and found.precisions is None
+
+
+def test_an_answer_that_is_too_dear_keeps_its_bound_but_is_not_called_optimal(monkeypatch):
+    from occontrol.solvers import precision_program
+    from occontrol.solvers.precision_barrier import Iterate
+
+    def lazy(form, *rest):
+        dual = np.diag((np.diag(form.constant) < 0).astype(float))  # crude, but positive semidefinite
+        return Iterate(50.0 * np.ones(len(form.costs)), dual, np.zeros(len(form.costs)), 3, "solved")
+
+    monkeypatch.setattr(precision_program, "_run", lazy)
+    found = solve_program(PrecisionProgram(SMALL, 0.6 * P3))
+    assert found.status is Status.LIMIT and found.relative_margin > 0
+    assert 0 < found.lower_bound <= 2.31671 < found.objective
+
+
+def test_nearly_indefinite_moments_and_huge_precisions():
+    ones = np.ones((2, 2))
+    moments = Moments(np.eye(1), np.array([[0.9, 0.9]]), ones - 1e-9 * np.eye(2))
+    found = solve_program(PrecisionProgram(moments, np.array([[0.5]])))
+    assert found.status is Status.CERTIFIED
+    single = solve_program(PrecisionProgram(moments.only([0]), np.array([[0.5]])))
+    assert abs(found.objective - single.objective) < 1e-6 * single.objective  # two equal sensors are one

@@ -68,7 +68,10 @@ def draw_compare(problem: Any, solutions: Mapping[str, Solution]) -> Figure:
         _name_measurements(axes, labels)
         axes.set_ylabel("precision λ = 1 / noise variance")
         axes.set_yscale(_scale(np.concatenate([s.arrays["precisions"][0] for s in usable.values()] or [np.ones(1)])))
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1.0), ncols=4)
+        if usable:
+            axes.legend(loc="lower right", bbox_to_anchor=(1, 1.0), ncols=4)
+        else:
+            axes.annotate("no method met the bound", (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
     return figure
 
 
