@@ -26,8 +26,9 @@ from occontrol.solvers.collocation_mesh import Mesh, simulate_mesh
 from occontrol.solvers.options import Collocation
 from occontrol.solvers.policy_simulation import terminal_weight
 
-ROUNDS = 4
+ROUNDS = 6
 STEP = 0.7
+INFORMATION = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,22 +81,25 @@ def solve_collocation(
         raise SolveFailed(str(error)) from None
     W = terminal_weight(problem)
     weights = uniform_policy(problem)
-    mesh = simulate_mesh(problem, weights, table[2], STEP)
-    iterations, accuracy, step = 0, 0.1 * options.relative_gap, STEP
+    information = information_form(problem)
+    by_growth = information and problem.running is None
+    mesh = simulate_mesh(problem, weights, table[2], STEP, by_growth)
+    iterations, accuracy = 0, 0.1 * options.relative_gap
     for turn in range(ROUNDS):
-        transcription = _Transcription(problem, table, mesh, W)
+        transcription = _Transcription(problem, table, mesh, W, information)
         found = transcription.solve(weights, options.max_iterations - iterations, monitor, warm=turn > 0)
         iterations += found.iterations
         weights = feasible_policy(problem, transcription.weights(found.x))
-        step /= 2
-        again = simulate_mesh(problem, weights, table[2], step, mesh)
+        covariance = transcription.covariances(found.x)
+        step = STEP / (1.0 if problem.running is None else 2.0 ** (turn + 1))  # the quadrature of tr(R Sigma)
+        again = simulate_mesh(problem, weights, table[2], step, by_growth, mesh.starts)
         off = abs(simulated_cost(problem, weights, again, table, W) - found.objective) / max(
             abs(found.objective), 1e-300
         )
         if found.status is not Status.FEASIBLE or off <= accuracy or turn == ROUNDS - 1:
             break
-        mesh = again
-    covariance = transcription.covariances(found.x)
+        cuts = np.append(mesh.starts, rough_middles(mesh, covariance, again))
+        mesh = simulate_mesh(problem, weights, table[2], step, by_growth, cuts)
     message = found.message
     if found.status is Status.FAILED and found.violation < 0.1:
         status = Status.LIMIT
@@ -115,6 +119,39 @@ def solve_collocation(
         message=message,
         elements=len(mesh.starts),
     )
+
+
+def rough_middles(mesh: Mesh, covariance: np.ndarray, simulated: Mesh) -> np.ndarray:
+    """Middles of the elements over which the collocated covariance moves away from the simulated one.
+
+    Parameters
+    ----------
+    mesh : Mesh of E elements
+    covariance : (E + 1, n, n) collocated, at their ends
+    simulated : Mesh, a refinement, with the covariance of the same policy
+    """
+    place = np.append(np.searchsorted(simulated.starts, mesh.starts[1:]), len(simulated.starts))
+    exact = simulated.ends[place]
+    inverse = np.linalg.inv(_frames(exact))
+    off = inverse @ (covariance[1:] - exact) @ np.swapaxes(inverse, 1, 2)
+    distance = np.linalg.norm(off, axis=(1, 2))
+    moved = np.diff(distance, prepend=0.0)
+    return (mesh.starts + mesh.lengths / 2)[moved >= 0.05 * np.max(moved)]
+
+
+def information_form(problem: SchedulingProblem) -> bool:
+    """Whether the unknowns are better the inverses of the covariances.
+
+    A large prior meets a sharp sensor at a time that is itself unknown: there the covariance falls by orders of magnitude
+    within an interval, and polynomials through it are worthless, while its inverse grows like a straight line.
+    """
+    prior, start = problem.plant.covariance, problem.edges[:1]
+    values = np.linalg.eigvalsh(prior)
+    if not values[0] > 1e-10 * values[-1]:
+        return False
+    rates = [np.trace(information_rates(s.C.sample(start), s.noise.sample(start))[0] @ prior) for s in problem.sensors]
+    growth = float(np.trace(np.linalg.solve(prior, problem.plant.noise.at(float(start[0])))))
+    return max(rates) > max(growth, INFORMATION / float(np.max(problem.steps)))
 
 
 def uniform_policy(problem: SchedulingProblem) -> np.ndarray:
@@ -159,8 +196,11 @@ def feasible_policy(problem: SchedulingProblem, weights: np.ndarray) -> np.ndarr
 class _Transcription:
     """The nonlinear program of one mesh."""
 
-    def __init__(self, problem: SchedulingProblem, table: tuple, mesh: Mesh, terminal: np.ndarray):
+    def __init__(
+        self, problem: SchedulingProblem, table: tuple, mesh: Mesh, terminal: np.ndarray, information: bool
+    ):
         self.problem, self.table, self.mesh, self.terminal = problem, table, mesh, terminal
+        self.information = information
         n, self.elements = problem.states, len(mesh.starts)
         self.packed = n * (n + 1) // 2
         self.stages = len(table[2])
@@ -185,7 +225,8 @@ class _Transcription:
         running = casadi.SX.sym("R", n, n * s)
         slopes, cost = [], 0
         for i in range(s):
-            S = unvech(inner[:, i])
+            state = unvech(inner[:, i])
+            S = casadi.solve(state, casadi.SX.eye(n)) if self.information else state
             block = slice(n * i, n * (i + 1))
             found = canonical(
                 covariance=S,
@@ -198,7 +239,8 @@ class _Transcription:
                 cost_weight=alpha,
                 running=running[:, block],
             )
-            slopes.append(vech(found["covariance_rate"]))
+            rate = found["covariance_rate"]
+            slopes.append(vech(-state @ rate @ state if self.information else rate))
             # with P = 0 the Hamiltonian is the integrand of the cost
             cost += h * b[i] * found["hamiltonian"]
         residuals = [inner[:, i] - first - h * sum(A_rk[i, j] * slopes[j] for j in range(s)) for i in range(s)]
@@ -233,13 +275,22 @@ class _Transcription:
         N, M = weights.shape
         v, y = casadi.MX.sym("v", M, N), casadi.MX.sym("y", p, self.unknown * E)
         last = y[:, self.unknown - 1 :: self.unknown]
-        first = casadi.DM(vech(problem.plant.covariance)[:, None])
+        identity = np.eye(problem.states)[None]
+        initial = problem.plant.covariance
+        if self.information:
+            initial = np.linalg.inv(initial)
+            turns = np.swapaxes(np.concatenate([identity, self.inverses[:-1]]) @ self.frames, 1, 2)
+        else:
+            turns = self.inverses @ np.concatenate([identity, self.frames[:-1]])
+        first = casadi.DM(vech(initial)[:, None])
         before = casadi.horzcat(first, last[:, :-1]) if E > 1 else first
-        turns = self.inverses @ np.concatenate([np.eye(problem.states)[None], self.frames[:-1]])
         by_element = v[:, self.mesh.interval.tolist()]
         residuals, costs = self._element().map(E)(before, y, np.hstack(list(turns)), by_element, *self._parameters())
         terminal = self.frames[-1].T @ self.terminal @ self.frames[-1]
-        cost = casadi.sum2(costs) + casadi.dot(triangle_weights(problem.states) * vech(terminal), last[:, -1])
+        end = casadi.SX.sym("end", p)
+        final = casadi.solve(unvech(end), casadi.SX.eye(problem.states)) if self.information else unvech(end)
+        charge = casadi.Function("charge", [end], [casadi.trace(casadi.SX(casadi.DM(terminal)) @ final)])
+        cost = casadi.sum2(costs) + charge(last[:, -1])
         # where the bounds leave no choice there is nothing to constrain
         room = np.sum(problem.upper, axis=1)
         free = np.flatnonzero(room > problem.select + 1e-9)
@@ -264,7 +315,8 @@ class _Transcription:
         if self.ends_apart:
             state = np.concatenate([state, self.mesh.ends[1:, None]], axis=1)
         inverses = self.inverses[:, None]
-        start = np.concatenate([weights.ravel(), vech(inverses @ state @ np.swapaxes(inverses, -1, -2)).ravel()])
+        state = inverses @ state @ np.swapaxes(inverses, -1, -2)
+        start = np.concatenate([weights.ravel(), vech(np.linalg.inv(state) if self.information else state).ravel()])
         # on stiff starts the monotone barrier loses its way
         more: tuple = (("mu_strategy", "adaptive"),) if E > 4 * N else (("mu_init", 1e-3),)
         if warm:
@@ -285,7 +337,8 @@ class _Transcription:
     def covariances(self, x: np.ndarray) -> np.ndarray:
         """(E + 1, n, n) at the ends of the elements."""
         y = x[self.problem.upper.size :].reshape(self.elements, self.unknown, self.packed)
-        ends = self.frames @ unvech(y[:, -1]) @ np.swapaxes(self.frames, 1, 2)
+        ends = unvech(y[:, -1])
+        ends = self.frames @ (np.linalg.inv(ends) if self.information else ends) @ np.swapaxes(self.frames, 1, 2)
         return np.concatenate([self.problem.plant.covariance[None], ends])
 
     def costates(self, found: NlpOutcome) -> np.ndarray:
@@ -298,6 +351,10 @@ class _Transcription:
         rows = self.packed * self.unknown * self.elements
         multipliers = found.multipliers[:rows].reshape(self.elements, self.unknown, self.packed)
         costate = unvech(-np.sum(multipliers, axis=1) / triangle_weights(self.problem.states))
+        if self.information:  # d/dSigma = -Y (d/dY) Y
+            starts = self.inverses @ self.covariances(found.x)[:-1] @ np.swapaxes(self.inverses, 1, 2)
+            inverse = np.linalg.inv(starts)
+            costate = -inverse @ costate @ inverse
         return np.swapaxes(self.inverses, 1, 2) @ costate @ self.inverses
 
 

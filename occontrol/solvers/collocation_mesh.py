@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +38,12 @@ class Mesh:
 
 
 def simulate_mesh(
-    problem: SchedulingProblem, weights: np.ndarray, points: np.ndarray, step: float, kept: Mesh | None = None
+    problem: SchedulingProblem,
+    weights: np.ndarray,
+    points: np.ndarray,
+    step: float,
+    by_growth: bool = False,
+    cuts: np.ndarray | None = None,
 ) -> Mesh:
     """Simulate a policy and cut every interval so that length * tr(Sigma L(v)) <= step at the start of each element.
 
@@ -47,18 +53,19 @@ def simulate_mesh(
     weights : (N, M)
     points : (s,) collocation points on [0, 1]
     step : a covariance that falls like 1/t is followed by elements that grow like (1 + step)^k
-    kept : a mesh whose ends stay ends
+    by_growth : look at tr(Xi Sigma^-1) instead, the rate that matters to the inverse of Sigma
+    cuts : times that are ends of elements in any case
     """
     data, covariance = Data(problem), problem.plant.covariance
     breaks = np.unique(np.concatenate([s.breakpoints for s in problem.signals.values()]))
-    if kept is not None:
-        breaks = np.unique(np.concatenate([breaks, kept.starts]))
+    if cuts is not None:
+        breaks = np.unique(np.concatenate([breaks, cuts]))
     starts, lengths, interval, first, stages, ends = [], [], [], [], [], [covariance]
     for k, (a, b) in enumerate(zip(problem.edges[:-1], problem.edges[1:], strict=True)):
         path = simulate_interval(data, a, b, covariance, weights[k])
         slack = 1e-9 * (b - a)
         inner = breaks[(breaks > a + slack) & (breaks < b - slack)]
-        marks = _cut(data, path, np.concatenate([[a], inner, [b]]), weights[k], step, covariance)
+        marks = _cut(data, path, np.concatenate([[a], inner, [b]]), weights[k], step, by_growth, covariance)
         first.append(len(starts))
         for left, right in zip(marks[:-1], marks[1:], strict=True):
             starts.append(left)
@@ -71,12 +78,24 @@ def simulate_mesh(
     return Mesh(*map(np.array, (starts, lengths, interval, first, stages, ends)))
 
 
-def _cut(data, path, pieces: np.ndarray, weights: np.ndarray, step: float, covariance: np.ndarray) -> list[float]:
+def _cut(
+    data: Data,
+    path: Callable[[np.ndarray], np.ndarray],
+    pieces: np.ndarray,
+    weights: np.ndarray,
+    step: float,
+    by_growth: bool,
+    covariance: np.ndarray,
+) -> list[float]:
     marks = [float(pieces[0])]
     for end in pieces[1:]:
         while len(marks) <= LARGEST:
-            left, here = marks[-1], path(marks[-1:])[0] if len(marks) > 1 else covariance
-            fall = float(np.trace(data.information(left, weights) @ here))
+            left = marks[-1]
+            here = path(np.array([left]))[0] if len(marks) > 1 else covariance
+            if by_growth:
+                fall = float(np.trace(np.linalg.solve(here, data.plant(left)[1])))
+            else:
+                fall = float(np.trace(data.information(left, weights) @ here))
             length = step / fall if fall > 0 else np.inf
             if left + 1.2 * length >= end:
                 break
