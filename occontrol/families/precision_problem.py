@@ -247,8 +247,9 @@ def _check_moments(moments: Moments) -> list[Mistake]:
         ]
     safe = np.where(scale > 0, scale, 1.0)
     smallest = float(np.linalg.eigvalsh(joint / safe / safe[:, None])[0])
-    if smallest < -1e-8:
-        what = f"state, cross and measurement together are not positive semidefinite: smallest eigenvalue {smallest:g} (unit diagonal)"
+    if smallest < -1e-7:
+        what = "state, cross and measurement together are not positive semidefinite: "
+        what += f"smallest eigenvalue {smallest:g} (unit diagonal)"
         return [
             Mistake(
                 ("moments",), what, "no random vector has these moments; measurement is Syy without the sensor noise"

@@ -16,8 +16,14 @@ from occontrol.solvers.pruning import Pruned, active
 
 Steps = list[tuple[PrecisionResult, Pruned | None]]
 _WORST = (
-    Status.FAILED, Status.INFEASIBLE, Status.DISAGREES, Status.INTERRUPTED, Status.LIMIT, Status.FEASIBLE, Status.CERTIFIED,
-)  # fmt: skip
+    Status.FAILED,
+    Status.INFEASIBLE,
+    Status.DISAGREES,
+    Status.INTERRUPTED,
+    Status.LIMIT,
+    Status.FEASIBLE,
+    Status.CERTIFIED,
+)
 
 
 def assemble(
@@ -26,6 +32,9 @@ def assemble(
     """The Solution of all batches; the family's names as in result.json."""
     records = [_record(problem, k, *step, outcomes) for k, step in enumerate(steps)]
     status = min((Status(r["status"]) for r in records), key=_WORST.index)
+    missing = problem.batches - len(records)
+    if missing and status not in (Status.INFEASIBLE, Status.FAILED):
+        status = Status.INTERRUPTED if monitor.interrupted else Status.LIMIT
     finals = [pruned.result if pruned is not None else result for result, pruned in steps]
     good = [f for f in finals if f.precisions is not None]
     bad = next((k for k, f in enumerate(finals) if f.precisions is None), None)
@@ -45,6 +54,8 @@ def assemble(
             message = f"Batch {bad + 1} of {problem.batches}: {message}"
     else:
         message = finals[0].message if len(finals) == 1 else f"{len(finals)} batches, each within its bound."
+        if missing:
+            message = f"Stopped after {len(finals)} of {problem.batches} batches, each within its bound."
         pruned = steps[0][1]
         if pruned is not None and len(finals) == 1:
             message = f"{records[0]['active']} sensors are left ({pruned.reason}); " + message[0].lower() + message[1:]

@@ -7,9 +7,12 @@ import numpy as np
 from occontrol.core.solution import Solution
 from occontrol.equations.moments import Moments
 from occontrol.families.precision_problem import Problem
+from occontrol.filtering.linearised import linearise_batch, undetectable_modes
 from occontrol.filtering.precision_sequence import start_filter
 from occontrol.solvers.precision_feasibility import Feasibility
 from occontrol.solvers.precision_program import examine
+
+MOST_STATES = 80  # for the detectability line of `check`: one decomposition per mode
 
 
 def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
@@ -25,17 +28,13 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     if "objective" not in result:
         return [*lines, ("reachable", f"bound factor {result['smallest_factor']:.10g} or more")]
     what = "objective" if len(set(problem.prices)) > 1 or problem.prices[0] != 1 else "precision"
+    uses = problem.measurements * len(solution.arrays["precisions"])
+    margin = f"{result['margin']:.3g} (smallest eigenvalue of bound - posterior)"
     lines += [
         (what, f"{result['objective']:.10g}"),
         ("lower bound", f"{result['lower_bound']:.10g}   gap {100 * result['relative_gap']:.3g} %"),
-        (
-            "active",
-            f"{result['active']} of {problem.measurements * len(solution.arrays['precisions'])}   at least {result['least_active']} are needed",
-        ),
-        (
-            "margin",
-            f"{result['margin']:.3g} (smallest eigenvalue of bound - posterior), {result['relative_margin']:.1e} of the bound",
-        ),
+        ("active", f"{result['active']} of {uses}   at least {result['least_active']} are needed"),
+        ("margin", f"{margin}, {result['relative_margin']:.1e} of the bound"),
         ("reachable", f"bound factor {_reachable(result['smallest_factor'])}"),
     ]
     if "batches" in result:
@@ -53,14 +52,15 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
         lines.append(("precisions", "  ".join(f"{labels[i]} {precisions[i]:.6g}" for i in order) + more))
     if "pruning" in result:
         pruning = result["pruning"]
-        rows = [
-            f"without {', '.join(r['removed'][:6])}{' ...' if len(r['removed']) > 6 else ''}: {r['objective']:.8g} ({r['price']:+.3g})"
-            for r in pruning["removals"]
-        ]
+        rows = [f"{_without(r['removed'])}: {r['objective']:.8g} ({r['price']:+.3g})" for r in pruning["removals"]]
         if pruning["refused"]:
             rows.append(f"kept for detectability: {', '.join(pruning['refused'])}")
         lines.append(("pruning", "\n".join([*rows, f"ended: {pruning['reason']}"])))
     return lines
+
+
+def _without(removed: list[str]) -> str:
+    return f"without {', '.join(removed[:6])}{' ...' if len(removed) > 6 else ''}"
 
 
 def _reachable(factor: float) -> str:
@@ -84,12 +84,8 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     lines.append(("bound", f"{bound}, standard deviations {deviations.min():.4g} to {deviations.max():.4g}"))
     capped = np.isfinite(problem.caps)
     if np.any(capped):
-        lines.append(
-            (
-                "caps",
-                f"{int(np.sum(capped))} of {len(capped)}, {problem.caps[capped].min():g} to {problem.caps[capped].max():g}",
-            )
-        )
+        caps = problem.caps[capped]
+        lines.append(("caps", f"{len(caps)} of {len(capped)}, {caps.min():g} to {caps.max():g}"))
     if problem.plant is not None:
         assert problem.measurement is not None and problem.filter is not None
         plant = problem.plant
@@ -99,14 +95,9 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
             else f"dx/dt = f(x), {plant.substeps} Runge-Kutta steps of {plant.step:g}"
         )
         lines.append(("plant", f"{plant.model or 'formulas'}, {law}; {plant.interval:g} time units per step"))
-        lines.append(
-            (
-                "filter",
-                ", ".join(
-                    f"{k} {v}" for k, v in {"name": problem.filter.name, **vars(problem.filter)}.items() if k != "name"
-                ).join([f"{problem.filter.name}: ", ""]),
-            )
-        )
+        options = ", ".join(f"{k} {v}" for k, v in vars(problem.filter).items() if k != "name")
+        lines.append(("filter", f"{problem.filter.name}: {options}"))
+        lines += _detectability(problem)
         if problem.batches > 1:
             lines.append(("batches", f"{problem.batches}, truth from seed {problem.truth_seed}"))
     split, verdict, _ = examine(problem.program(first_moments(problem)))
@@ -115,8 +106,22 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
         text = "met without any measurement"
     else:
         word = "can be met" if verdict.feasible else "CANNOT be met"
-        text = f"{word} in the first batch: smallest factor {problem.factor * verdict.factor:.10g}, at least {verdict.least_active} measurements"
+        text = f"{word} in the first batch: smallest factor {problem.factor * verdict.factor:.10g}, "
+        text += f"at least {verdict.least_active} measurements"
     return [*lines, ("feasibility", text)]
+
+
+def _detectability(problem: Problem) -> list[tuple[str, str]]:
+    assert problem.plant is not None and problem.measurement is not None
+    if problem.states > MOST_STATES:
+        return []
+    transition, rows = linearise_batch(problem.plant, problem.measurement, problem.batch)
+    if not (np.all(np.isfinite(transition)) and np.all(np.isfinite(rows))):
+        return []
+    growing = int(np.sum(np.abs(np.linalg.eigvals(transition)) >= 1 - 1e-9))
+    missed = len(undetectable_modes(transition, rows))
+    text = f"{growing} of {problem.states} modes of the linearised batch do not decay, "
+    return [("detectability", text + ("all of them are measured" if not missed else f"{missed} of them UNMEASURED"))]
 
 
 def first_moments(problem: Problem) -> Moments:

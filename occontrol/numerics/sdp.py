@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-LARGEST = 120  # rows; the packed cone is dense, its storage grows with the fourth power
+LARGEST = 80  # rows; the packed cone is dense: storage grows with the fourth power, time with the sixth
 
 
 @dataclass(frozen=True, eq=False)

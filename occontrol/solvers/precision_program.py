@@ -29,6 +29,7 @@ MEETS = 1e-8  # of the bound: a posterior above this is never reported as solved
 NEGLIGIBLE = (
     1e-9  # of the largest precision (in signal-to-noise units): below, a sensor may be dropped if that costs nothing
 )
+SECOND_OPINION = 50  # rows up to which Clarabel is asked when the barrier stalls
 ROUTES = ("barrier", "clarabel", "factor")
 
 
@@ -175,7 +176,7 @@ def solve_program(
     best: PrecisionResult | None = None
     for name in (route, "clarabel") if route == "barrier" else (route,):
         form = factor_form(split, prices, caps) if name == "factor" else reduced
-        if name != "barrier" and form.rows > LARGEST:
+        if name != "barrier" and form.rows > (LARGEST if name == route else SECOND_OPINION):
             if name == route:
                 hint = "use the method 'barrier'"
                 raise ProblemError(
