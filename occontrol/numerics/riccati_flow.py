@@ -6,12 +6,13 @@ Sigma = Y X^-1 with d/dt [X; Y] = [[-A', L], [Xi, A]] [X; Y]. The transition Z o
 
 G and Q are positive semidefinite; with square roots Gamma' Gamma = G, Sigma = S S' the step needs two QR factorisations
 and no inverse of Sigma, so Sigma stays positive semidefinite, may be singular, and may be as large as one likes.
-The costate travels as Psi = S' P S (see `advance`), which neither overflows nor cancels.
+The costate travels as Psi = S' P S (see `march`), which neither overflows nor cancels.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from occontrol.numerics.gauss import NODES, gauss_nodes, integration_matrix
 from occontrol.numerics.linalg import square_root, symmetrise
@@ -119,8 +120,9 @@ def fractional_factors(transitions: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return np.swapaxes(inverse, -1, -2), np.swapaxes(square_root(gramian), -1, -2), square_root(driven)
 
 
-def advance(root: np.ndarray, F: np.ndarray, gamma: np.ndarray, driven: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One step of the square root S of Sigma = S S', and the matrix E that carries the costate back.
+@njit(cache=True, nogil=True, error_model="numpy")
+def march(S: np.ndarray, E: np.ndarray, F: np.ndarray, gamma: np.ndarray, driven: np.ndarray) -> None:
+    """Steps of the square root S of Sigma = S S', and the matrices E that carry the costate back.
 
     S+ S+' = Q + F Sigma (I + G Sigma)^-1 F',    S' P S = E (S+' P+ S+) E'
 
@@ -128,17 +130,40 @@ def advance(root: np.ndarray, F: np.ndarray, gamma: np.ndarray, driven: np.ndarr
 
     Parameters
     ----------
-    root : (n, n) S;  F, gamma, driven : (n, n) of the step, see `fractional_factors`
-
-    Returns
-    -------
-    (S+, E), both (n, n)
+    S : (K+1, n, n) S[0] is given, the others are filled in
+    E : (K, n, n) filled in
+    F, gamma, driven : (K, n, n) of the steps, see `fractional_factors`
     """
-    n = len(root)
-    upper = np.linalg.qr(np.concatenate([np.eye(n), gamma @ root]), mode="r")
-    reduced = np.linalg.solve(upper.T, root.T)
-    orthogonal, following = np.linalg.qr(np.concatenate([reduced @ F.T, driven.T]))
-    return following.T, np.linalg.solve(upper, orthogonal[:n])
+    K, n = E.shape[0], E.shape[1]
+    tall, stacked = np.empty((2 * n, n)), np.empty((2 * n, n))
+    for k in range(K):
+        tall[:n] = np.eye(n)
+        tall[n:] = gamma[k] @ S[k]
+        _, upper = np.linalg.qr(tall)
+        reduced = np.ascontiguousarray(S[k].T)
+        # upper' reduced = S', by forward substitution
+        for i in range(n):
+            for m in range(i):
+                x = upper[m, i]
+                for c in range(n):
+                    reduced[i, c] -= x * reduced[m, c]
+            x = 1.0 / upper[i, i]
+            for c in range(n):
+                reduced[i, c] *= x
+        stacked[:n] = reduced @ F[k].T
+        stacked[n:] = driven[k].T
+        orthogonal, following = np.linalg.qr(stacked)
+        S[k + 1] = following.T
+        E[k] = orthogonal[:n]
+        # upper E = orthogonal, by back substitution
+        for i in range(n - 1, -1, -1):
+            for m in range(i + 1, n):
+                x = upper[i, m]
+                for c in range(n):
+                    E[k, i, c] -= x * E[k, m, c]
+            x = 1.0 / upper[i, i]
+            for c in range(n):
+                E[k, i, c] *= x
 
 
 def closed_loop_transition(covariance: np.ndarray, F: np.ndarray, gamma: np.ndarray) -> np.ndarray:

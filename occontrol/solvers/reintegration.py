@@ -15,7 +15,7 @@ from occontrol.core.scheduling import SchedulingProblem
 from occontrol.numerics.gauss import NODES, gauss_nodes, integration_matrix, tail
 from occontrol.numerics.linalg import square_root
 from occontrol.numerics.minimum_integral import minimum_integral
-from occontrol.numerics.riccati_flow import advance, closed_loop_transition
+from occontrol.numerics.riccati_flow import closed_loop_transition, march
 from occontrol.solvers.continuous_panels import Panels, PolicyData
 
 ROUNDS = 6
@@ -192,8 +192,7 @@ def _chain(data: PolicyData, panels: Panels, root: np.ndarray) -> tuple[np.ndarr
     S, E = np.empty((count, steps + 1, n, n)), np.empty_like(F)
     for p in range(count):
         S[p, 0] = root
-        for i in range(steps):
-            S[p, i + 1], E[p, i] = advance(S[p, i], F[p, i], gamma[p, i], driven[p, i])
+        march(S[p], E[p], np.ascontiguousarray(F[p]), np.ascontiguousarray(gamma[p]), np.ascontiguousarray(driven[p]))
         root = S[p, steps]
     if data.problem.running is None:
         return S, E, None
