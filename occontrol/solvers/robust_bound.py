@@ -89,10 +89,17 @@ def _walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int, term
     return Walk(value, gradient, N, costate)
 
 
-def plane_of(slots: Slots, weights: np.ndarray, path: Walk, first: int = 0) -> Plane:
-    """The plane of a walk: convexity in (N^-1, v) and the least that a pure choice can add in every slot."""
+def plane_of(slots: Slots, weights: np.ndarray, path: Walk, first: int = 0, upper: np.ndarray | None = None) -> Plane:
+    """The plane of a walk: convexity in (N^-1, v) and the least that a pure choice can add in every slot.
+
+    Parameters
+    ----------
+    slots, weights, path, first : of the walk
+    upper : (N - first, M) zeros where a sensor may not be chosen; the plane then holds for the other choices
+    """
     count = slots.count
-    excess = np.sum(weights[first:] * path.gradient, axis=1) - np.min(path.gradient, axis=1)
+    open_choices = path.gradient if upper is None else np.where(upper > 0, path.gradient, np.inf)
+    excess = np.sum(weights[first:] * path.gradient, axis=1) - np.min(open_choices, axis=1)
     still = np.concatenate([np.cumsum(excess[::-1])[::-1], [0.0]])
     slope = path.ordinary @ path.costate @ path.ordinary
     constant = path.value - still + np.einsum("kij,kij->k", path.costate, path.ordinary)
@@ -109,6 +116,7 @@ class ExactSweep:
     start: np.ndarray
     first: int = 0
     power: float = 64.0
+    upper: np.ndarray | None = None
     recursion: SimpleNamespace = field(init=False)
     forward_count: int = field(default=0, init=False)
     backward_count: int = field(default=0, init=False)
@@ -116,7 +124,11 @@ class ExactSweep:
     def __post_init__(self) -> None:
         count, sensors = self.slots.count - self.first, self.slots.sensors
         self.recursion = SimpleNamespace(
-            upper=np.ones((count, sensors)), select=1, states=len(self.start), intervals=count, sensors=sensors
+            upper=np.ones((count, sensors)) if self.upper is None else self.upper,
+            select=1,
+            states=len(self.start),
+            intervals=count,
+            sensors=sensors,
         )
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:

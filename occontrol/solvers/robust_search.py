@@ -1,7 +1,8 @@
 """The best sequence of sensors for robust switching: layer by layer, without walking all M^N sequences.
 
 Unknown: one sensor per slot. A node of layer j is the matrix N after j slots. Three cuts keep a layer small:
-* a plane (solvers/robust_bound.py) proves that no completion of the node beats the best known sequence;
+* a plane (solvers/robust_bound.py) proves that no completion of the node beats the best known sequence, for each of
+  the ways to end that are still open (solvers/robust_tails.py);
 * another node of the layer is below it in the positive semidefinite order: the flow is monotone, so it can only do
   better (exact); once a layer is larger than `merge_above`, also a node that is below (1 + e) times it: the flow is
   concave, so (1 + e) is all that the merge can cost, and every later slot shrinks that e. The e are chosen such that
@@ -23,6 +24,7 @@ from occontrol.numerics.psd_front import front
 from occontrol.numerics.scattering import advance
 from occontrol.solvers.robust_bound import ExactSweep, Plane, plane_of, relaxed_policy, walk
 from occontrol.solvers.robust_slots import Slots, exchange
+from occontrol.solvers.robust_tails import Tail, branch_on_tails, tail_bounds
 
 EXACT = 1e-11  # relative difference of sizes that counts as rounding
 
@@ -39,12 +41,14 @@ class SearchOptions:
     merge_above : nodes of a layer up to which the search is exact; beyond it a tenth of `relative_gap` is good enough
     width : nodes of a layer beyond which the least promising are dropped
     node_limit : nodes after which the search goes on with the most promising few only
+    tails : whether to branch on the last slots first
     """
 
     relative_gap: float = 1e-2
     merge_above: int = 1000
     width: int = 3000
     node_limit: int = 100_000
+    tails: bool = True
 
 
 @dataclass(frozen=True)
@@ -132,6 +136,11 @@ def search(
     shrink = contraction(slots)
     tails = np.append(np.cumprod(np.max(shrink, axis=1)[::-1])[::-1], 1.0)
     budget = np.log1p(options.relative_gap / 2) / degree
+    target = 0.1 * options.relative_gap if options.tails else np.inf
+    ends = branch_on_tails(slots, weights, plane, relaxed, cost, target, monitor)
+    known = _Known(planes, ends, cost * (1 - EXACT), slots.count)
+    relaxed = min((tail.bound for tail in ends), default=cost)
+    monitor.report(0, cost, relaxed)
     layer = _Layer(slots.start[None], np.zeros(1), np.array([relaxed]), np.zeros((1, 0), dtype=np.int16))
     lower, nodes, widest, merged, dropped, limit = cost, 0, 1, 0, 0, ""
     for slot in range(slots.count):
@@ -141,7 +150,7 @@ def search(
             break
         children = _expand(slots, layer, slot, shrink)
         nodes += len(children.ordinary)
-        children = _bound(children, planes, slot + 1, degree, tails[slot + 1])
+        children = _bound(children, known, slot + 1, degree, tails[slot + 1])
         alive = children.bound < cost * (1 - EXACT)
         children = children.take(np.nonzero(alive)[0])
         if not len(children.ordinary):
@@ -149,7 +158,7 @@ def search(
             break
         children = children.take(np.argsort(children.bound, kind="stable"))
         if nodes <= options.node_limit:
-            children = _merge(children, 1.0)
+            children = _bound(_merge(children, 1.0), known, slot + 1, degree, tails[slot + 1])
         if len(children.ordinary) > options.merge_above:
             least = min(lower, float(np.min(children.bound)))
             if cost - least <= 0.1 * options.relative_gap * abs(cost):
@@ -160,7 +169,7 @@ def search(
             step = np.expm1(budget / slots.count) / max(tails[slot + 1], 1e-12)
             children = _merge(children, 1.0 + min(step, 0.5))
             merged += before - len(children.ordinary)
-            children = _bound(children, planes, slot + 1, degree, tails[slot + 1])
+            children = _bound(children, known, slot + 1, degree, tails[slot + 1])
         width = options.width if nodes <= options.node_limit else max(1, options.merge_above // 20)
         if len(children.ordinary) > width:
             children = children.take(np.argsort(children.bound, kind="stable"))
@@ -208,11 +217,21 @@ def _expand(slots: Slots, layer: _Layer, slot: int, shrink: np.ndarray) -> _Laye
     )
 
 
-def _bound(layer: _Layer, planes: list[Plane], edge: int, degree: float, tail: float) -> _Layer:
+@dataclass
+class _Known:
+    """What bounds a node: planes of the whole problem, tails, and the size that all other tails are proven to reach."""
+
+    planes: list[Plane]
+    tails: list[Tail]
+    proven: float
+    count: int
+
+
+def _bound(layer: _Layer, known: _Known, edge: int, degree: float, tail: float) -> _Layer:
     """The best plane at every node, less what earlier merges may have cost; never below the parent's bound."""
     information = np.linalg.inv(layer.ordinary)
-    bound = np.full(len(information), -np.inf)
-    for plane in planes:
+    bound = tail_bounds(known.tails, edge, known.count, information, layer.sequences, known.proven)
+    for plane in known.planes:
         if np.isfinite(plane.constant[edge]):
             bound = np.maximum(bound, plane.constant[edge] - np.einsum("ij,rij->r", plane.slope[edge], information))
     bound = bound / (1 + layer.slack * tail) ** degree

@@ -214,12 +214,11 @@ def test_a_problem_file_and_its_document_are_the_same_problem(name, tmp_path):
 def test_the_car_gains_a_lot_from_looking_ahead():
     """N = 40 slots, three sensors: 3^40 sequences; proven to a gap that is stated, far below one step ahead."""
     problem = read_problem(PROBLEMS / "robust_vehicle.yaml")
-    found = solve(problem, Optimal(node_limit=20_000))
+    found = solve(problem)
     greedy = solve(problem, OneStep())
     r = found.result
-    assert r["nodes"] < 40_000
-    assert r["relative_gap"] < 0.03
-    assert found.status in (Status.CERTIFIED, Status.LIMIT)
-    assert found.status is Status.CERTIFIED or "node_limit" in found.message
+    assert r["nodes"] < 100_000
+    assert found.status is Status.CERTIFIED
+    assert r["relative_gap"] < 2e-3
     assert greedy.result["cost"] > 1.3 * r["cost"]
     assert greedy.result["cost"] >= r["lower_bound"]
