@@ -16,12 +16,13 @@ import numpy as np
 
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.measurement import Estimate, Measurement
-from occontrol.core.schedule import INTEGER, Schedule
+from occontrol.core.schedule import Schedule
 from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.trajectory import Trajectory
 from occontrol.filtering.consistency import average_band, expected_nees
 from occontrol.filtering.online import MatchedFilter, Step
 from occontrol.filtering.sampled_model import SampledModel
+from occontrol.numerics.gains import USED
 
 TIME_SLACK = 0.01  # of an interval's length: times may be rounded, but not ambiguous
 MOST_MISTAKES = 20
@@ -205,7 +206,7 @@ def continuous_gain(
         S = flat.reshape(n, n)
         A = plant.A.at(t)
         loss = np.zeros((n, n))
-        for j in np.flatnonzero(weights > INTEGER):
+        for j in np.flatnonzero(weights > USED):
             sensor = problem.sensors[j]
             if sensor.rows:
                 CS = sensor.C.at(t) @ S
@@ -259,7 +260,7 @@ def continuous_filter(
         change = plant.A.at(t) @ x
         if plant.B is not None:
             change = change + (plant.B.at(t) @ plant.input.at(t)).ravel()
-        for j in np.flatnonzero(weights > INTEGER):
+        for j in np.flatnonzero(weights > USED):
             if sensors[j].rows:
                 C = sensors[j].C.at(t)
                 error = np.linalg.solve(sensors[j].noise.at(t), np.asarray(readings(t, sensors[j].name)) - C @ x)

@@ -21,11 +21,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from occontrol.core.plant import LinearPlant
-from occontrol.core.schedule import INTEGER, Schedule
+from occontrol.core.schedule import Schedule
 from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.sensor import Sensor
 from occontrol.core.signal import Signal
 from occontrol.numerics.discretise import half_predicts
+from occontrol.numerics.gains import USED
 from occontrol.numerics.transition import transitions
 
 
@@ -201,7 +202,7 @@ def _in_use(problem: SchedulingProblem, schedule: Schedule) -> tuple[list[tuple[
     samples = [sensor.noise.sample((edges[1:] + edges[:-1]) / 2) for sensor in problem.sensors]
     active, blocks = [], []
     for k, h in enumerate(np.diff(edges)):
-        used = tuple(j for j, s in enumerate(problem.sensors) if s.rows and weights[k, j] > INTEGER)
+        used = tuple(j for j, s in enumerate(problem.sensors) if s.rows and weights[k, j] > USED)
         block = np.zeros((sum(problem.sensors[j].rows for j in used),) * 2)
         at = 0
         for j in used:

@@ -164,3 +164,17 @@ def test_constant_plant_uses_the_matrix_exponential():
     model = exact_model(replace(problem, plant=plant), cycling(problem))
     np.testing.assert_allclose(model.transition[2], expm(np.array([[0, 1], [-1, -0.4]])), atol=1e-13)
     assert not np.any(model.input)
+
+
+def test_the_run_folders_gains_are_the_filters(small_solution):
+    """gain_k of arrays.npz, carried over the second half of the interval, is the filter's node-to-node gain."""
+    problem, schedule = small_solution.problem, small_solution.schedule
+    model = split_model(problem, schedule)
+    plan, halves = make_plan(model), half_predicts(problem)
+    stored, checked = small_solution.arrays["gain"], 0
+    for k in range(problem.intervals):
+        m = len(model.offset[k])
+        wanted = halves.transition[halves.index[2 * k + 1]] @ stored[k, :, :m]
+        np.testing.assert_allclose(plan.gain[k], wanted, rtol=1e-10, atol=1e-12)
+        checked += m
+    assert checked > 5
