@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -53,12 +54,18 @@ def compare(
         if json:
             print_json({"problem": problem.name, "family": problem.family, "methods": rows, "failed": failed})
         else:
-            _print(rows)
+            _print(rows, _columns(problem))
         for name, text in failed.items():
             note(f"{name}: {text}")
         if solutions:
             _write(folder, problem, solutions, rows, quiet=json)
     return exit_code(monitor, 0 if solutions else 6)
+
+
+def _columns(problem: Any) -> Sequence[str]:
+    from occontrol.families import family_module
+
+    return getattr(family_module(problem.family), "COLUMNS", ())
 
 
 def _default_names(problem: Any) -> list[str]:
@@ -95,7 +102,7 @@ def comparison(solutions: dict[str, Solution]) -> list[dict[str, Any]]:
     return rows
 
 
-def _print(rows: list[dict[str, Any]]) -> None:
+def _print(rows: list[dict[str, Any]], named: Sequence[str] = ()) -> None:
     known = {
         "method",
         "status",
@@ -108,10 +115,9 @@ def _print(rows: list[dict[str, Any]]) -> None:
         "continuous",
     }
     bounded = any(isinstance(r.get("lower_bound"), int | float) for r in rows)
-    # families without a cost bound are compared by the numbers that they report
-    others = (
-        [] if bounded else [k for k in (rows[0] if rows else {}) if k not in known and all(k in r for r in rows)][:6]
-    )
+    # families without a cost bound are compared by the numbers that they report, some name theirs
+    reported = [k for k in (rows[0] if rows else {}) if k not in known and all(k in r for r in rows)]
+    others = [k for k in reported if k in named] if named else [] if bounded else reported[:6]
     headers = ["method", "status"]
     columns = [lambda r: r["method"], lambda r: r["status"]]
     if any(isinstance(r.get("cost"), int | float) for r in rows):
