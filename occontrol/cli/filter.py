@@ -70,9 +70,12 @@ def _truth_remark(estimate: Any, truth: Trajectory, source: Any) -> str:
     from occontrol.filtering.consistency import judge_run
 
     judged = judge_run(estimate, truth)
+    if not judged.degrees.any():
+        return f"NEES against {source}: none, the covariance is zero throughout"
+    average = float(judged.nees.sum() / judged.degrees.sum())
     low, high = judged.nees_band
     return (
-        f"NEES against {source}: {float(judged.average_nees.mean()):.4g} per state on average; the 99 % band of a "
+        f"NEES against {source}: {average:.4g} per state on average; the 99 % band of a "
         f"single time is [{low:.3g}, {high:.3g}], {100 * judged.nees_inside:.0f} % of the times lie inside"
     )
 

@@ -143,19 +143,22 @@ class Consistency:
 
     @property
     def average_nees(self) -> np.ndarray:
-        """(N+1,) NEES per degree of freedom, over the runs."""
-        return np.mean(self.nees, axis=0) / np.maximum(self.degrees, 1)
+        """(N+1,) NEES per degree of freedom, over the runs; NaN where the covariance is zero."""
+        degrees = np.where(self.degrees > 0, self.degrees, np.nan)
+        return np.mean(self.nees, axis=0) / degrees
 
     @property
     def nees_band(self) -> tuple[float, float]:
-        """The 99 % band of `average_nees` at one node."""
-        return average_band(len(self.nees) * int(np.max(self.degrees)))
+        """The 99 % band of `average_nees` at one node (of those with most degrees of freedom)."""
+        return average_band(len(self.nees) * max(1, int(np.max(self.degrees))))
 
     @property
     def nees_inside(self) -> float:
         """The share of the nodes at which `average_nees` lies inside its band; 0.99 is expected."""
-        low, high = self.nees_band
-        return float(np.mean((self.average_nees >= low) & (self.average_nees <= high)))
+        bands = {d: average_band(len(self.nees) * d) for d in set(self.degrees.tolist()) if d}
+        pairs = zip(self.average_nees, self.degrees.tolist(), strict=True)
+        inside = [bands[d][0] <= value <= bands[d][1] for value, d in pairs if d]
+        return float(np.mean(inside)) if inside else 1.0
 
 
 def monte_carlo(
