@@ -32,14 +32,37 @@ def weights(size: int, alpha: float, beta: float, kappa: float) -> tuple[np.ndar
     return mean, covariance
 
 
+def square_root(covariance: np.ndarray) -> np.ndarray:
+    """A root A (n, n) with A A' = covariance: Cholesky's, or for a singular matrix the scaled symmetric one.
+
+    The scaling to unit diagonal keeps variances of 1e-16 beside those of 1e2.
+    """
+    try:
+        return np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        safe = np.where(scale > 0, scale, 1.0)
+        values, vectors = np.linalg.eigh(covariance / safe / safe[:, None])
+        values = np.where(values > 1e-14 * len(values), values, 0.0)
+        return scale[:, None] * ((vectors * np.sqrt(values)) @ vectors.T)
+
+
+def noise_root(covariance: np.ndarray) -> np.ndarray:
+    """A root (n, n_w) with as many columns as there are independent noises: the rank of the covariance (n, n)."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    safe = np.where(scale > 0, scale, 1.0)
+    values, vectors = np.linalg.eigh(covariance / safe / safe[:, None])
+    keep = values > 1e-14 * len(values)
+    return scale[:, None] * vectors[:, keep] * np.sqrt(values[keep])
+
+
 def sigma_points(mean: np.ndarray, covariance: np.ndarray, alpha: float, kappa: float) -> np.ndarray:
     """Points (n_a, 2 n_a + 1): the mean, then the mean plus and minus the columns of a root of the covariance.
 
-    X_i = mu +- (sqrt((n_a + rho) Sigma))_i, columns of the symmetric root, which exists for singular covariances too.
+    X_i = mu +- (sqrt((n_a + rho) Sigma))_i, columns of `square_root`, which does not mind the units of the states.
     Das & Bhattacharya, section 3.3 (their index i - nq is i - n_a).
     """
-    values, vectors = np.linalg.eigh(covariance)
-    root = (vectors * np.sqrt(np.maximum(values, 0.0) * spread(len(mean), alpha, kappa))) @ vectors.T
+    root = square_root(covariance) * np.sqrt(spread(len(mean), alpha, kappa))
     return np.hstack([mean[:, None], mean[:, None] + root, mean[:, None] - root])
 
 

@@ -13,6 +13,7 @@ from occontrol.core.errors import Collector, InfeasibleError, Mistake, ProblemEr
 from occontrol.core.nonlinear_measurement import NonlinearMeasurement
 from occontrol.core.nonlinear_plant import NonlinearPlant
 from occontrol.equations.moments import Moments
+from occontrol.equations.sigma_points import noise_root
 from occontrol.filtering.ensemble import EnsembleFilter
 from occontrol.filtering.unscented import UnscentedFilter
 from occontrol.solvers.precision_program import PrecisionProgram, examine
@@ -105,7 +106,7 @@ class Problem:
             self._spread(found, key, lowest, default)
         found.raise_if_any()
         if isinstance(self.filter, UnscentedFilter):
-            size = self.plant.states + self.batch * int(np.linalg.matrix_rank(self.plant.noise))  # type: ignore[union-attr]
+            size = self.plant.states + self.batch * noise_root(self.plant.noise).shape[1]  # type: ignore[union-attr]
             if size + self.filter.kappa <= 0:
                 what = f"kappa is {self.filter.kappa:g}, the augmented state has {size} entries"
                 raise ProblemError(Mistake(("filter", "kappa"), what, f"kappa > {-size}"))
@@ -182,7 +183,7 @@ class Problem:
     def names(self) -> tuple[str, ...]:
         """The m sensor names."""
         return (
-            tuple(self.measurement.names)
+            tuple(self.measurement.names or ())
             if self.measurement is not None
             else tuple(f"y{i + 1}" for i in range(self.sensor_count))
         )

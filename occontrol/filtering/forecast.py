@@ -14,6 +14,7 @@ from occontrol.core.errors import SolveFailed
 from occontrol.core.nonlinear_measurement import NonlinearMeasurement
 from occontrol.core.nonlinear_plant import NonlinearPlant
 from occontrol.equations.moments import Moments
+from occontrol.equations.sigma_points import square_root
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +95,4 @@ def split_seed(seed: int, purpose: int) -> np.random.Generator:
 
 def draw(generator: np.random.Generator, covariance: np.ndarray, count: int) -> np.ndarray:
     """(n, count) zero-mean normal columns with the covariance (n, n), which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    return root @ generator.standard_normal((covariance.shape[0], count))
+    return square_root(covariance) @ generator.standard_normal((covariance.shape[0], count))

@@ -63,8 +63,7 @@ class Unscented:
     def forecast(self, batch: int) -> Forecast:
         """Moments of x_{k+q} and y_{k+1} .. y_{k+q}; (12), (13). The filter stands at k+q afterwards."""
         options, n = self.options, self.plant.states
-        values, vectors = np.linalg.eigh(self.plant.noise)
-        root = vectors[:, values > 0] * np.sqrt(values[values > 0])
+        root = sigma_points.noise_root(self.plant.noise)
         width = root.shape[1]
         size = n + batch * width
         if size + options.kappa <= 0:

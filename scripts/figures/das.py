@@ -33,7 +33,7 @@ FIGURES: dict[int, tuple[str, Any, int, float, int]] = {
     3: ("Unscented filter, one step, no cap", UnscentedFilter(alpha=1.0), 1, np.inf, 21),
     4: ("Unscented filter, three steps, cap 3", UnscentedFilter(alpha=1.0), 3, 3.0, 7),
 }
-CAPS = (np.inf, 3.0, 2.5, 2.0, 1.8, 1.65)
+CAPS = (np.inf, 3.0, 2.5, 2.0, 1.8, 1.7, 1.6)
 
 
 def sweep(problem: Problem, moments: Moments, factors: np.ndarray) -> list[PrecisionResult]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from occontrol.equations.sigma_points import mean_and_anomalies, moments, sigma_points, weights
+from occontrol.equations.sigma_points import mean_and_anomalies, moments, noise_root, sigma_points, square_root, weights
 
 RNG = np.random.default_rng(2)
 MEAN = RNG.standard_normal(3)
@@ -32,7 +32,8 @@ def test_filterpy_says_the_same():
     sigma = pytest.importorskip("filterpy.kalman.sigma_points")
     unscented = pytest.importorskip("filterpy.kalman.unscented_transform")
     judge = sigma.MerweScaledSigmaPoints(3, alpha=0.8, beta=2.0, kappa=0.5)
-    points = judge.sigma_points(MEAN, COVARIANCE)  # Cholesky columns there, the symmetric root here
+    points = judge.sigma_points(MEAN, COVARIANCE)
+    assert np.allclose(np.sort(points.T, axis=1), np.sort(sigma_points(MEAN, COVARIANCE, 0.8, 0.5), axis=1), atol=1e-12)
     by_mean, by_covariance = weights(3, 0.8, 2.0, 0.5)
     assert np.allclose(by_mean, judge.Wm) and np.allclose(by_covariance, judge.Wc)
     mean, covariance = unscented.unscented_transform(np.tanh(points), judge.Wm, judge.Wc)
@@ -52,6 +53,15 @@ def test_tiny_alpha_keeps_the_curvature():
     points = sigma_points(np.zeros(1), np.eye(1), 1e-3, 0.0)
     mean, _ = mean_and_anomalies(points**2, 1e-3, 2.0, 0.0)
     assert abs(mean[0] - 1.0) < 1e-9  # E x^2 = 1
+
+
+def test_roots_do_not_mind_units():
+    units = np.array([1e6, 1.0, 1e-7])
+    for matrix in (COVARIANCE, np.outer(MEAN, MEAN), np.outer(MEAN, MEAN) + np.diag([1.0, 0, 0])):
+        scaled = units[:, None] * matrix * units
+        for root in (square_root(scaled), noise_root(scaled)):
+            assert np.allclose((root @ root.T) / units / units[:, None], matrix, rtol=1e-12, atol=1e-12)
+    assert noise_root(np.outer(units, units)).shape == (3, 1) and noise_root(np.zeros((3, 3))).shape == (3, 0)
 
 
 def test_singular_covariances_have_points_too():
