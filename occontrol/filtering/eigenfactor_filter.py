@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from occontrol.core.errors import SolveFailed
 from occontrol.equations.eigenfactor import (
     Eigenfactors,
     eigenfactors_of,
@@ -20,6 +21,7 @@ from occontrol.equations.eigenfactor import (
 )
 from occontrol.equations.eigenfactor_covariance import measurement_update_covariance, time_update_covariance
 
+OVERFLOW = 1e140  # of a deviation; its square must stay finite, with room for the products of the next step
 LOSS = 1e-12  # estimated relative error of a time update in information form above which the covariance form is tried
 
 
@@ -89,6 +91,11 @@ class EigenfactorFilter:
                 result = other
         self.factors, self.mean = result.factors, transition @ self.mean  # type: ignore[assignment]
         self.step += 1
+        if not self.factors.deviations[0] < OVERFLOW:
+            raise SolveFailed(
+                f"the error covariance overflows at k = {self.step}\n"
+                "  hint: an unstable direction is not measured; fewer steps, or a sensor that sees it"
+            )
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -155,14 +155,14 @@ class Optimal:
     ----------
     max_nodes : epochs that the search may walk
     width : nodes that a layer of the search may keep before it stops being exact
-    time_limit : seconds, None is no limit
+    time_limit : seconds; null is no limit
     grid : locations along each coordinate of a movable sensor; the search is exact over this grid
     """
 
     name: ClassVar[str] = "optimal"
     max_nodes: int = 2_000_000
     width: int = 300
-    time_limit: float | None = None
+    time_limit: float | None = 60.0
     grid: int = 9
 
     def check(self, problem: Any) -> Iterator[Mistake]:

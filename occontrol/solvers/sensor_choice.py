@@ -111,6 +111,7 @@ def trace_removed(factors: Eigenfactors, rows: np.ndarray) -> np.ndarray:
 
 def best_of(scores: np.ndarray, count: int) -> tuple[int, ...]:
     """Indices of the `count` largest scores (M,), ties to the lowest index, ascending."""
+    scores = np.where(np.isnan(scores), -np.inf, scores)
     left, chosen = list(range(len(scores))), []
     for _ in range(count):
         top = max(scores[j] for j in left)

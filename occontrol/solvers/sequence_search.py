@@ -21,7 +21,8 @@ from occontrol.numerics.epoch_kernel import advance, expand, undominated
 
 FLOOR_WINDOW = 12  # epochs that a floor looks ahead by search; beyond them the next floor stands
 FLOOR_WIDTH = 50
-CHUNK = 4096  # epochs walked between two looks at the clock
+CHUNK = 2e7  # multiplications between two looks at the clock, roughly
+FLOOR_SHARE = 0.4  # of the nodes and of the time that floors may take
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,22 +85,31 @@ class SearchResult:
 
 @dataclass
 class _Budget:
-    """Epochs walked so far, and when to stop."""
+    """Epochs walked so far, and when to stop: after `limit` of them, at `deadline`, or when the monitor says so."""
 
     limit: float
     monitor: Monitor
     nodes: int = 0
+    deadline: float = np.inf
     stopped: bool = field(default=False)
 
     def exhausted(self) -> bool:
-        self.stopped = self.stopped or self.nodes >= self.limit or self.monitor.stop
+        late = self.monitor.seconds > self.deadline
+        self.stopped = self.stopped or self.nodes >= self.limit or late or self.monitor.stop
         return self.stopped
+
+    def share(self, part: float) -> _Budget:
+        """A part of what is left, counted from here; `nodes` goes on."""
+        left = np.inf if self.monitor.time_limit is None else self.monitor.time_limit - self.monitor.seconds
+        return _Budget(
+            self.nodes + part * (self.limit - self.nodes), self.monitor, self.nodes, self.monitor.seconds + part * left
+        )
 
 
 def _expand(problem: SequenceProblem, roots: np.ndarray, epoch: int, budget: _Budget) -> tuple[np.ndarray, np.ndarray]:
     s, choices = problem.slice(epoch), len(problem.rows)
     rows = np.ascontiguousarray(problem.rows[:, s])
-    size = max(1, CHUNK // choices)
+    size = max(1, int(CHUNK / (choices * (s.stop - s.start) * len(problem.root) ** 3)))
     found = []
     for start in range(0, len(roots), size):
         if start and budget.exhausted():
@@ -159,16 +169,18 @@ def _layers(
 
 def _floors(problem: SequenceProblem, budget: _Budget) -> np.ndarray:
     """(E+1,) lower bounds of the cost from each epoch on, whatever was chosen before; floors[0] is one of the whole."""
-    state, lowest = np.array(problem.root, order="C"), []
+    state, lowest, together = np.array(problem.root, order="C"), [], np.zeros(problem.epochs + 1)
     for e in range(problem.epochs):
         lowest.append(state.copy())
         s = problem.slice(e)
-        advance(state, problem.transition[s], problem.noise_root[s], problem.together[s], problem.kind)
-    floors = np.zeros(problem.epochs + 1)
+        together[e] = advance(state, problem.transition[s], problem.noise_root[s], problem.together[s], problem.kind)
+    # what all candidates together would leave: below everything, and there at once
+    floors = np.cumsum(together[::-1])[::-1].copy()
     for e in reversed(range(problem.epochs)):
         last = min(e + FLOOR_WINDOW, problem.epochs)
         first = _layers(problem, lowest[e], (e, last), floors, np.inf, 1, budget)[0]
-        floors[e] = _layers(problem, lowest[e], (e, last), floors, first * (1 + 1e-9), FLOOR_WIDTH, budget)[2]
+        bound = _layers(problem, lowest[e], (e, last), floors, first * (1 + 1e-9), FLOOR_WIDTH, budget)[2]
+        floors[e] = max(floors[e], bound)
         if budget.stopped:
             break
     return floors
@@ -201,7 +213,9 @@ def search(
     whole, nothing = (0, problem.epochs), np.zeros(problem.epochs + 1)
     found = [(problem.cost_of(s), tuple(int(c) for c in s)) for s in incumbents]
     for beam in (1, 30):
-        cost, sequence, _, _ = _layers(problem, problem.root, whole, nothing, np.inf, beam, budget)
+        part = budget.share(0.2)
+        cost, sequence, _, _ = _layers(problem, problem.root, whole, nothing, np.inf, beam, part)
+        budget.nodes = part.nodes
         if sequence is not None:
             found.append((cost, sequence))
     if not found:
@@ -212,10 +226,12 @@ def search(
     for cost, sequence in found[1:]:
         if cost < upper * (1 - 1e-12):
             upper, best = cost, sequence
-    floors = _floors(problem, budget)
+    part = budget.share(FLOOR_SHARE)
+    floors = _floors(problem, part)
+    budget.nodes = part.nodes
     watch.report(0, upper, min(upper, float(floors[0])))
     lower, widest = float(floors[0]), 1
-    if not budget.stopped:
+    if not budget.exhausted():
         cost, sequence, bound, widest = _layers(
             problem, problem.root, whole, floors, upper * (1 - 1e-12), width, budget
         )
