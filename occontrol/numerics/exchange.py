@@ -12,11 +12,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from occontrol.numerics.kernels import _OPTIONS
 from occontrol.numerics.sweep import Sweep
+from occontrol.numerics.vectors import OPTIONS
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _solve_quadratic(A, B, size, p):
     """tr(B' A^-1 B) by Gaussian elimination with pivoting; A (size, size) and B (size, p) are destroyed."""
     for i in range(size):
@@ -46,19 +46,20 @@ def _solve_quadratic(A, B, size, p):
     return total
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _best_exchanges(F, predict, rows, row_set, offsets, steps, v, upper, cost, store, G, gain, leaving, entering):
     N, M = v.shape
     n, p = store.shape[1], G.shape[2]
     rows_max = 0
     for j in range(M):
         rows_max = max(rows_max, offsets[j + 1] - offsets[j])
-    adjoint, T, S = np.zeros((n, n)), np.empty((n, n)), np.empty((n, n))
+    adjoint, T, S, plus = np.zeros((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
     A, B = np.empty((2 * rows_max, 2 * rows_max)), np.empty((2 * rows_max, p))
     R = offsets[M]
     Y = np.empty((R, n))
     for k in range(N - 1, -1, -1):
-        plus, c, h = store[k], rows[row_set[k]], steps[k]
+        c, h = rows[row_set[k]], steps[k]
+        plus[:, :] = store[k, :, :n]
         np.dot(plus, adjoint, T)
         np.dot(T, plus, S)
         for i in range(n):

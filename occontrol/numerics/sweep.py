@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occontrol.numerics import kernels
+from occontrol.numerics import kernels, kernels_blas
 from occontrol.numerics.discretise import HalfPredicts, Recursion
+from occontrol.numerics.vectors import padded, width
 
-SMALL = 10  # states up to which hand-written loops beat BLAS calls (measured by scripts/bench.py)
+SMALL = 80  # states up to which the loops beat BLAS calls (scripts/bench.py measures where they cross)
 MEMORY_BUDGET = 1_000_000_000
 
 
@@ -49,44 +50,52 @@ class Sweep:
         n, N, rows = r.states, r.intervals, r.rows.shape[1]
         self.small = n <= small
         self.dense = len(r.running) > 0
-        self._FT = np.ascontiguousarray(np.swapaxes(r.transition, 1, 2)) if self.small else r.transition
-        self._S, self._T = np.empty((n, n)), np.empty((n, n))
-        budget = max(1, int(memory_budget / (8 * n * n)))
+        # rows padded with zeros for the loops; plain for BLAS
+        lay = padded if self.small else np.ascontiguousarray
+        self._n = n
+        self._F, self._Q, self._R = lay(r.transition), lay(r.noise), lay(r.running)
+        self._rows, w = lay(r.rows), width(n) if self.small else n
+        self._S, self._T = np.zeros((n, w)), np.zeros((n, w))
+        budget = max(1, int(memory_budget / (8 * n * w)))
         self._segment = N if budget >= N else max(int(np.ceil(np.sqrt(N))), int(np.ceil(2 * N / budget)))
         segments = int(np.ceil(N / self._segment))
-        self._store = np.empty((min(self._segment, N), n, n))
-        self._checkpoints = np.empty((segments, n, n)) if segments > 1 else np.empty((0, n, n))
-        self._none = np.empty((0, n, n))
+        self._store = np.zeros((min(self._segment, N), n, w))
+        self._checkpoints = np.zeros((segments if segments > 1 else 0, n, w))
+        self._none = np.empty((0, n, w))
         last = r.transition[r.predict[N]]
         self._terminal = last.T @ r.terminal @ last
         self._terminal_noise = float(np.sum(r.terminal * r.noise[r.predict[N]]))
         self._root = _factor(self._terminal)
         if self.small:
-            self._work = np.empty(n), np.empty(n)
+            self._FT = padded(np.swapaxes(r.transition, 1, 2))
+            self._work = (np.empty(w),)
         else:
-            self._work = tuple(np.empty((kernels.BLOCK, n)) for _ in range(3))
+            block = kernels_blas.BLOCK
+            self._work = np.empty(2 * kernels_blas.PANEL * n), *(np.empty((block, n)) for _ in range(3))
         if self.dense:
             self._rows_work = (np.empty(n), np.empty(n)) if self.small else (np.empty((rows, n)), np.empty((rows, n)))
         else:
             p = len(self._root)
-            self._V, self._U, self._W = np.empty((p, n)), np.empty((p, n)), np.empty((p, n))
-            self._G = np.empty((rows, p))
+            self._V, self._U = np.zeros((p, w)), np.empty((p, w))
+            if self.small:
+                self._columns = padded(np.swapaxes(r.rows, 1, 2))
+                self._rows_work = np.empty((p, w)), np.empty((p, width(rows)))
+            else:
+                self._rows_work = np.empty((rows, n)), np.empty((rows, p))
             self._products = np.empty((0, rows, p))
         self.forward_count = self.backward_count = 0
 
     def _forward(self, k0: int, k1: int, weights: np.ndarray, store: np.ndarray) -> float:
         r = self.recursion
-        tail = (r.predict, r.rows, r.row_set, r.offsets, r.steps, weights, r.running, r.running_set, store)
+        tail = (r.predict, self._rows, r.row_set, r.offsets, r.steps, weights, self._R, r.running_set, store)
         if self.small:
-            return kernels.forward_small(
-                k0, k1, self._S, self._T, r.transition, self._FT, r.noise, *tail, self._work[0]
-            )
-        return kernels.forward_large(k0, k1, self._S, self._T, r.transition, r.noise, *tail, *self._work)
+            return kernels.forward_small(k0, k1, self._S, self._T, self._F, self._FT, self._Q, *tail, *self._work)
+        return kernels_blas.forward_large(k0, k1, self._S, self._T, self._F, self._Q, *tail, *self._work)
 
     def _run_forward(self, weights: np.ndarray, keep: bool) -> float:
         """Forward over all intervals; leaves S+ of the last update in _S and returns the cost."""
         r, N, size = self.recursion, self.recursion.intervals, self._segment
-        self._S[:] = r.initial
+        self._S[:, : self._n] = r.initial
         running = 0.0
         for s, k0 in enumerate(range(0, N, size)):
             k1 = min(k0 + size, N)
@@ -94,9 +103,8 @@ class Sweep:
                 self._checkpoints[s] = self._S
             running += self._forward(k0, k1, weights, self._store if keep and k1 == N else self._none)
         self.forward_count += 1
-        return (
-            float(np.vdot(r.cost, weights)) + running + float(np.vdot(self._terminal, self._S)) + self._terminal_noise
-        )
+        final = float(np.vdot(self._terminal, self._S[:, : self._n]))
+        return float(np.vdot(r.cost, weights)) + running + final + self._terminal_noise
 
     def cost(self, weights: np.ndarray) -> float:
         """J of a policy (N, M); one forward sweep."""
@@ -109,9 +117,9 @@ class Sweep:
         value = self._run_forward(weights, keep=True)
         gradient = np.empty((N, r.sensors))
         if self.dense:
-            P = self._terminal.copy()
+            P = padded(self._terminal) if self.small else self._terminal.copy()
         else:
-            self._V[:] = self._root
+            self._V[:, : self._n] = self._root
             P = self._V
         for s in range(int(np.ceil(N / size)) - 1, -1, -1):
             k0, k1 = s * size, min((s + 1) * size, N)
@@ -123,20 +131,22 @@ class Sweep:
         return value, gradient
 
     def _backward(self, k0: int, k1: int, P: np.ndarray, weights: np.ndarray, gradient: np.ndarray) -> None:
-        r, store = self.recursion, self._store
-        common = (r.predict, r.rows, r.row_set, r.offsets, r.steps, weights, r.upper, r.cost)
+        r = self.recursion
+        common = (r.row_set, r.offsets, r.steps, weights, r.upper, r.cost)
         if self.dense:
-            tail = (*common, r.running, r.running_set, store, gradient, *self._rows_work)
+            tail = (*common, self._R, r.running_set, self._store, gradient, *self._rows_work)
             if self.small:
-                kernels.backward_small_dense(k0, k1, P, self._T, r.transition, self._FT, *tail)
+                front = (k0, k1, P, self._T, self._F, self._FT, r.predict, self._rows)
+                kernels.backward_small_dense(*front, *tail)
             else:
-                kernels.backward_large_dense(k0, k1, P, self._T, r.transition, *tail)
-        elif self.small:
-            kernels.backward_small(k0, k1, P, self._U, r.transition, *common, store, gradient, self._W, self._products)
+                kernels_blas.backward_large_dense(k0, k1, P, self._T, self._F, r.predict, self._rows, *tail)
+            return
+        front = (k0, k1, P, self._U, self._F, r.predict, self._rows)
+        tail = (*common, self._store, gradient, *self._rows_work, self._products)
+        if self.small:
+            kernels.backward_small(*front, self._columns, *tail)
         else:
-            kernels.backward_large(
-                k0, k1, P, self._U, r.transition, *common, store, gradient, self._G, self._products
-            )
+            kernels_blas.backward_large(*front, *tail)
 
     @property
     def has_products(self) -> bool:
@@ -151,7 +161,7 @@ class Sweep:
 
     @property
     def kept(self) -> tuple[np.ndarray, np.ndarray]:
-        """S+ (N, n, n) and G (N, r, p) of the last `cost_and_gradient`; valid after `remember_products`."""
+        """S+ (N, n, at least n) and G (N, r, p) of the last `cost_and_gradient`; valid after `remember_products`."""
         return self._store, self._products
 
 
