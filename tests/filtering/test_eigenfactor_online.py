@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from occontrol.core.discrete_sensor import DiscreteSensor, Region
-from occontrol.core.errors import ProblemError, UsageError
+from occontrol.core.errors import ProblemError, SolveFailed, UsageError
 from occontrol.core.measurement import Measurement
 from occontrol.core.plant import DiscretePlant
 from occontrol.families.vlambda import Problem, run_filter, simulate, solve
@@ -147,3 +147,10 @@ def test_a_recorded_run_with_locations_filters_its_own_data():
     estimate = run_filter(problem, solution, measurements)
     assert estimate.standard_deviation == pytest.approx(solution.arrays["standard_deviations"], rel=1e-10)
     assert estimate.notes == ()
+
+
+def test_an_unstable_direction_that_nobody_measures_is_a_message():
+    plant = DiscretePlant(np.diag([2.0, 0.5]), np.eye(2), np.eye(2))
+    problem = Problem("unstable", plant, [DiscreteSensor("a", [[0.0, 1.0]], 1.0)], 600, 50)
+    with pytest.raises(SolveFailed, match=r"the error covariance overflows at k = 46\d\n  hint: an unstable direction"):
+        solve(problem)

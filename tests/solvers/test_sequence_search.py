@@ -121,3 +121,23 @@ def test_a_known_sequence_wins_a_tie():
     assert found.sequence == known
     assert found.proven
     assert search(same).sequence == (0, 0, 0, 0)
+
+
+def test_a_time_limit_is_kept_and_leaves_floors_for_the_bound():
+    """Many candidates, a large state: stopped long before the end, yet with a bound above zero."""
+    g = np.random.default_rng(0)
+    n, steps, count = 12, 60, 40
+    rows = np.tile(g.standard_normal((count, 1, 1, n)), (1, steps, 1, 1))
+    transition = np.tile(0.98 * np.linalg.qr(g.standard_normal((n, n)))[0], (steps, 1, 1))
+    noise_root = np.tile(0.3 * np.eye(n), (steps, 1, 1))
+    together = np.ascontiguousarray(np.concatenate(list(rows), axis=1))
+    problem = SequenceProblem(3 * np.eye(n), transition, noise_root, np.arange(0, 61, 3), rows, together, TRACE)
+    search(instance(0, TRACE))  # compiled before the clock starts
+    watch = Monitor(time_limit=1.0)
+    found = search(problem, monitor=watch)
+    assert found.stopped
+    assert watch.seconds < 4.0
+    assert 0 < found.lower_bound < found.cost < np.inf
+    together_alone = problem.root.copy()
+    least = advance(together_alone, transition, noise_root, together, TRACE)
+    assert found.lower_bound >= least * (1 - 1e-12)
