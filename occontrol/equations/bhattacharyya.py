@@ -5,12 +5,10 @@ The printed exponent has |Sigma_i + Sigma_j|/2; with |(Sigma_i + Sigma_j)/2| it 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
-from occontrol.numerics.small import cholesky, log_determinant, whiten
+from occontrol.equations import jump_in_place as in_place
 
 
 @njit(cache=True, error_model="numpy")
@@ -34,24 +32,5 @@ def error_bound(log_priors: np.ndarray, means: np.ndarray, covariances: np.ndarr
     Liu & Hwang, equations (12), (13).
     """
     modes, rows = means.shape
-    determinants = np.empty(modes)
-    both, apart = np.empty((rows, rows)), np.empty(rows)
-    for i in range(modes):
-        cholesky(covariances[i], both)
-        determinants[i] = log_determinant(both)
-    bound = 0.0
-    for i in range(modes):
-        for j in range(i + 1, modes):
-            weight = 0.5 * (log_priors[i] + log_priors[j])
-            if weight == -np.inf:
-                continue
-            for a in range(rows):
-                apart[a] = means[j, a] - means[i, a]
-                for b in range(a + 1):
-                    both[a, b] = 0.5 * (covariances[i, a, b] + covariances[j, a, b])
-            cholesky(both, both)
-            # (S_i + S_j)^-1 is half the inverse of `both`, hence an eighth and not a quarter
-            distance = 0.125 * whiten(both, apart)
-            exponent = distance + 0.5 * log_determinant(both) - 0.25 * (determinants[i] + determinants[j])
-            bound += math.exp(weight - exponent)
-    return bound
+    scratch = np.empty(modes), np.empty((rows, rows)), np.empty(rows)
+    return in_place.error_bound(log_priors, means, covariances, rows, *scratch)

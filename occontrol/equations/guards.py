@@ -1,8 +1,8 @@
 """Transition probabilities of a plant whose mode depends on its state (Liu & Hwang, equations (3), (4), step 1).
 
-A guard leads from one mode to another where L [x; theta] + b <= 0, theta ~ N(mean, covariance). Guards are kept as arrays:
-source, target, rows (guards,), L (guards, most rows, n + l), b (guards, most rows). A mode without a guard of its own onto
-itself stays with what the others leave.
+A guard leads from one mode to another where L [x; theta] + b <= 0, theta ~ N(mean, covariance). Guards are kept as
+arrays: source, target, rows (guards,), L (guards, most rows, n + l), b (guards, most rows). A mode without a guard
+of its own onto itself stays with what the others leave.
 """
 
 from __future__ import annotations

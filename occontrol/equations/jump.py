@@ -2,20 +2,16 @@
 
 Unknowns of a step, mode first: means (modes, n), covariances (modes, n, n), log-probabilities (modes,).
 A mode may be so unlikely that its probability is no double: everything about probabilities stays in logarithms.
-Corrected against print: the mode prior in (12)/(13) is c_j; step 3 has C F W F' C'; the innovation of (18) is z - r; the
-mode probabilities weight P_j too in step 6, whose spread is about x^(k+1).
+Corrected against print: the mode prior in (12)/(13) is c_j; step 3 has C F W F' C'; the innovation of (18) is z - r;
+the mode probabilities weight P_j too in step 6, whose spread is about x^(k+1).
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
-from occontrol.numerics.small import cholesky, log_determinant, unwhiten, whiten
-
-LOG_TWO_PI = math.log(2.0 * math.pi)
+from occontrol.equations import jump_in_place as in_place
 
 
 @njit(cache=True, error_model="numpy")
@@ -37,26 +33,8 @@ def predict_modes(log_probabilities: np.ndarray, transition_matrix: np.ndarray) 
     Liu & Hwang, equations (14), (15).
     """
     modes = len(log_probabilities)
-    log_predicted = np.empty(modes)
-    mixing = np.empty((modes, modes))
-    for j in range(modes):
-        largest = -np.inf
-        for i in range(modes):
-            share = transition_matrix[i, j]
-            mixing[j, i] = log_probabilities[i] + math.log(share) if share > 0.0 else -np.inf
-            largest = max(largest, mixing[j, i])
-        if largest == -np.inf:
-            log_predicted[j] = -np.inf
-            for i in range(modes):
-                mixing[j, i] = math.exp(log_probabilities[i])
-            continue
-        total = 0.0
-        for i in range(modes):
-            mixing[j, i] = math.exp(mixing[j, i] - largest)
-            total += mixing[j, i]
-        for i in range(modes):
-            mixing[j, i] /= total
-        log_predicted[j] = largest + math.log(total)
+    log_predicted, mixing = np.empty(modes), np.empty((modes, modes))
+    in_place.predict_modes(log_probabilities, transition_matrix, log_predicted, mixing)
     return log_predicted, mixing
 
 
@@ -78,27 +56,9 @@ def match_moments(weights: np.ndarray, means: np.ndarray, covariances: np.ndarra
 
     Liu & Hwang, equations (16), (17) with the mixing weights, step 6 (corrected) with the mode probabilities.
     """
-    sets, modes = weights.shape
-    states = means.shape[1]
-    mean = np.zeros((sets, states))
-    covariance = np.zeros((sets, states, states))
-    apart = np.empty(states)
-    for j in range(sets):
-        for i in range(modes):
-            for a in range(states):
-                mean[j, a] += weights[j, i] * means[i, a]
-        for i in range(modes):
-            weight = weights[j, i]
-            if weight == 0.0:
-                continue
-            for a in range(states):
-                apart[a] = means[i, a] - mean[j, a]
-            for a in range(states):
-                for b in range(a + 1):
-                    covariance[j, a, b] += weight * (covariances[i, a, b] + apart[a] * apart[b])
-        for a in range(states):
-            for b in range(a):
-                covariance[j, b, a] = covariance[j, a, b]
+    sets, states = len(weights), means.shape[1]
+    mean, covariance = np.empty((sets, states)), np.empty((sets, states, states))
+    in_place.match_moments(weights, means, covariances, mean, covariance)
     return mean, covariance
 
 
@@ -121,26 +81,8 @@ def propagate(
     -------
     means (modes, n), covariances (modes, n, n), exactly symmetric. Liu & Hwang, step 3.
     """
-    modes, states = means.shape
-    predicted = drift.copy()
-    result = np.empty((modes, states, states))
-    product = np.empty(states)
-    for j in range(modes):
-        for a in range(states):
-            for b in range(states):
-                product[b] = 0.0
-            for c in range(states):
-                entry = A[j, a, c]
-                if entry != 0.0:
-                    predicted[j, a] += entry * means[j, c]
-                    for b in range(states):
-                        product[b] += entry * covariances[j, c, b]
-            for b in range(a + 1):
-                total = noise[j, a, b]
-                for c in range(states):
-                    total += product[c] * A[j, b, c]
-                result[j, a, b] = total
-                result[j, b, a] = total
+    predicted, result = np.empty_like(means), np.empty_like(covariances)
+    in_place.propagate(means, covariances, A, noise, drift, predicted, result, np.empty(means.shape[1]))
     return predicted, result
 
 
@@ -163,24 +105,9 @@ def predict_measurement(
     """
     modes, states = means.shape
     rows = len(C)
-    expected = np.zeros((modes, rows))
-    cross = np.zeros((modes, states, rows))
-    spread = np.empty((modes, rows, rows))
-    for j in range(modes):
-        for a in range(rows):
-            for c in range(states):
-                entry = C[a, c]
-                if entry != 0.0:
-                    expected[j, a] += entry * means[j, c]
-                    for b in range(states):
-                        cross[j, b, a] += entry * covariances[j, c, b]
-        for a in range(rows):
-            for b in range(a + 1):
-                total = R[a, b]
-                for c in range(states):
-                    total += cross[j, c, a] * C[b, c]
-                spread[j, a, b] = total
-                spread[j, b, a] = total
+    expected, spread = np.empty((modes, rows)), np.empty((modes, rows, rows))
+    cross = np.empty((modes, states, rows))
+    in_place.predict_measurement(means, covariances, C, R, rows, expected, spread, cross)
     return expected, spread, cross
 
 
@@ -206,41 +133,14 @@ def correct(
     """
     modes, states = means.shape
     rows = len(C)
-    expected, spread, gain = predict_measurement(means, covariances, C, R)
-    updated, result = means.copy(), np.empty((modes, states, states))
-    log_likelihoods = np.empty(modes)
-    factor, keep, left = np.empty((rows, rows)), np.empty((states, states)), np.empty(states)
-    for j in range(modes):
-        cholesky(spread[j], factor)
-        for a in range(states):
-            whiten(factor, gain[j, a])
-            unwhiten(factor, gain[j, a])
-            for c in range(states):
-                keep[a, c] = 1.0 if a == c else 0.0
-            for i in range(rows):
-                weight = gain[j, a, i]
-                updated[j, a] += weight * (values[i] - expected[j, i])
-                for c in range(states):
-                    keep[a, c] -= weight * C[i, c]
-        for a in range(states):
-            for b in range(states):
-                left[b] = 0.0
-            for c in range(states):
-                for b in range(states):
-                    left[b] += keep[a, c] * covariances[j, c, b]
-            for b in range(a + 1):
-                total = 0.0
-                for c in range(states):
-                    total += left[c] * keep[b, c]
-                for i in range(rows):
-                    for k in range(rows):
-                        total += gain[j, a, i] * R[i, k] * gain[j, b, k]
-                result[j, a, b] = total
-                result[j, b, a] = total
-        for i in range(rows):
-            expected[j, i] = values[i] - expected[j, i]
-        distance = whiten(factor, expected[j])
-        log_likelihoods[j] = -0.5 * (distance + log_determinant(factor) + rows * LOG_TWO_PI)
+    updated, result, log_likelihoods = np.empty_like(means), np.empty_like(covariances), np.empty(modes)
+    expected, spread = np.empty((modes, rows)), np.empty((modes, rows, rows))
+    cross, gain = np.empty((modes, states, rows)), np.empty((modes, states, rows))
+    factor, left, row = np.empty((rows, rows)), np.empty(states), np.empty(rows)
+    in_place.correct(
+        means, covariances, C, R, rows, values, updated, result, log_likelihoods,
+        expected, spread, cross, gain, factor, left, row,
+    )  # fmt: skip
     return updated, result, log_likelihoods
 
 
@@ -259,11 +159,6 @@ def weigh_modes(log_predicted: np.ndarray, log_likelihoods: np.ndarray) -> np.nd
     -------
     (modes,) ln alpha_j; the exponentials sum to 1, and none is lost to underflow. Liu & Hwang, equations (19), (20).
     """
-    joint = log_predicted + log_likelihoods
-    largest = -np.inf
-    for j in range(len(joint)):
-        largest = max(largest, joint[j])
-    total = 0.0
-    for j in range(len(joint)):
-        total += math.exp(joint[j] - largest)
-    return joint - (largest + math.log(total))
+    log_probabilities = np.empty(len(log_predicted))
+    in_place.weigh_modes(log_predicted, log_likelihoods, log_probabilities)
+    return log_probabilities

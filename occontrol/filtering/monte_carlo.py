@@ -5,6 +5,7 @@ Run i uses the seed (seed, i) whatever the number of runs and however they are d
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -24,6 +25,7 @@ from occontrol.filtering.jump_truth import TrueRuns, Truth, simulate_truths
 
 MOST_THREADS = 8
 ROUND_SECONDS = 0.3
+FIRST_STEPS = 2000  # of one thread before its speed is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +180,7 @@ def monte_carlo(experiment: Experiment, runs: int, monitor: Monitor | None = Non
     first = run_some(experiment, models, [0])
     parts, done = [outcomes(experiment, first)], 1
     workers = min(MOST_THREADS, _cores())
-    size = 1
+    size = max(1, FIRST_STEPS // experiment.steps)
 
     def work(numbers: range) -> Outcomes:
         return outcomes(experiment, run_some(experiment, models, numbers))
@@ -187,7 +189,7 @@ def monte_carlo(experiment: Experiment, runs: int, monitor: Monitor | None = Non
         while done < runs and not monitor.stop:
             began = time.perf_counter()
             bounds = [min(runs, done + w * size) for w in range(workers + 1)]
-            shares = [range(a, b) for a, b in zip(bounds, bounds[1:], strict=False) if b > a]
+            shares = [range(a, b) for a, b in itertools.pairwise(bounds) if b > a]
             parts = [join([*parts, *pool.map(work, shares)])]
             done = bounds[-1]
             spent = max(time.perf_counter() - began, 1e-3)

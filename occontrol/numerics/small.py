@@ -13,78 +13,98 @@ from numba import njit
 
 
 @njit(cache=True, error_model="numpy")
-def cholesky(matrix: np.ndarray, factor: np.ndarray) -> None:
-    """Lower triangular factor of a symmetric positive definite matrix, written into `factor`.
+def cholesky(matrix: np.ndarray, factor: np.ndarray, size: int) -> None:
+    """Lower triangular factor of a symmetric positive definite matrix, with the reciprocals of its diagonal.
 
-    S = L L'
+    S = L L', factor_ij = L_ij below the diagonal, factor_ii = 1/L_ii
 
     Parameters
     ----------
-    matrix : (p, p) symmetric; only its lower triangle is read
-    factor : (p, p) receives L in its lower triangle (the rest is left alone); NaN where S is not positive definite
+    matrix : (p, p) or larger, symmetric; only the lower triangle of its leading block is read
+    factor : (p, p) or larger, receives the factor in its lower triangle; NaN where S is not positive definite
+    size : p
     """
-    for i in range(matrix.shape[0]):
+    if size == 2:  # written out: most sensors report two values, and short loops cost more than their work
+        first = 1.0 / math.sqrt(matrix[0, 0]) if matrix[0, 0] > 0.0 else np.nan
+        below = matrix[1, 0] * first
+        rest = matrix[1, 1] - below * below
+        factor[0, 0] = first
+        factor[1, 0] = below
+        factor[1, 1] = 1.0 / math.sqrt(rest) if rest > 0.0 else np.nan
+        return
+    for i in range(size):
         for j in range(i + 1):
             total = matrix[i, j]
             for k in range(j):
                 total -= factor[i, k] * factor[j, k]
             if i > j:
-                factor[i, j] = total / factor[j, j]
+                factor[i, j] = total * factor[j, j]
             else:
-                factor[i, i] = math.sqrt(total) if total > 0.0 else np.nan
+                factor[i, i] = 1.0 / math.sqrt(total) if total > 0.0 else np.nan
 
 
 @njit(cache=True, error_model="numpy")
-def log_determinant(factor: np.ndarray) -> float:
+def log_determinant(factor: np.ndarray, size: int) -> float:
     """Log-determinant of S from its Cholesky factor.
 
     ln |S| = 2 sum_i ln L_ii
 
     Parameters
     ----------
-    factor : (p, p) lower triangular
+    factor : (p, p) of `cholesky`
+    size : p
     """
     product = 1.0
-    for i in range(factor.shape[0]):
+    for i in range(size):
         product *= factor[i, i]
     if 1e-300 < product < 1e300:
-        return 2.0 * math.log(product)
+        return -2.0 * math.log(product)
     total = 0.0
-    for i in range(factor.shape[0]):
+    for i in range(size):
         total += math.log(factor[i, i])
-    return 2.0 * total
+    return -2.0 * total
 
 
 @njit(cache=True, error_model="numpy")
-def whiten(factor: np.ndarray, vector: np.ndarray) -> float:
+def whiten(factor: np.ndarray, vector: np.ndarray, size: int) -> float:
     """Solve L y = b by forward substitution in place, and return |y|^2 = b' S^-1 b.
 
     Parameters
     ----------
-    factor : (p, p) lower triangular
+    factor : (p, p) of `cholesky`
     vector : (p,) b, becomes y
+    size : p
     """
+    if size == 2:
+        vector[0] *= factor[0, 0]
+        vector[1] = (vector[1] - factor[1, 0] * vector[0]) * factor[1, 1]
+        return vector[0] * vector[0] + vector[1] * vector[1]
     distance = 0.0
-    for i in range(len(vector)):
+    for i in range(size):
         total = vector[i]
         for k in range(i):
             total -= factor[i, k] * vector[k]
-        vector[i] = total / factor[i, i]
+        vector[i] = total * factor[i, i]
         distance += vector[i] * vector[i]
     return distance
 
 
 @njit(cache=True, error_model="numpy")
-def unwhiten(factor: np.ndarray, vector: np.ndarray) -> None:
+def unwhiten(factor: np.ndarray, vector: np.ndarray, size: int) -> None:
     """Solve L' x = y by backward substitution in place.
 
     Parameters
     ----------
-    factor : (p, p) lower triangular
+    factor : (p, p) of `cholesky`
     vector : (p,) y, becomes x
+    size : p
     """
-    for i in range(len(vector) - 1, -1, -1):
+    if size == 2:
+        vector[1] *= factor[1, 1]
+        vector[0] = (vector[0] - factor[1, 0] * vector[1]) * factor[0, 0]
+        return
+    for i in range(size - 1, -1, -1):
         total = vector[i]
-        for k in range(i + 1, len(vector)):
+        for k in range(i + 1, size):
             total -= factor[k, i] * vector[k]
-        vector[i] = total / factor[i, i]
+        vector[i] = total * factor[i, i]
