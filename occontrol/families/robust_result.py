@@ -65,8 +65,8 @@ def infeasible(problem: Problem, method: str, began: float, sequence: Sequence[i
         why = f"X({edges[0]:g}) is not below the weight: their difference has the eigenvalue {margin:.6g}"
     named = f"{reach:.12g}" if reach is not None else "unknown"
     message = (
-        f"not uniformly robustly observable on [{edges[0]:g}, {edges[-1]:g}], whatever the sensors: {why}. "
-        f"The observability horizon is t = {named}: end before it, or multiply K by less than {factor:.6g}."
+        f"not uniformly robustly observable on [{edges[0]:.12g}, {edges[-1]:.12g}], whatever the sensors: {why}. "
+        f"The observability horizon is t = {named}: end before it, or multiply K by less than {factor:.10g}."
     )
     result |= {"observability_horizon": reach, "level": None, "X_initial": None, "Y_initial": None}
     result |= {"gain_factor": factor, "X_escape_time": lost}

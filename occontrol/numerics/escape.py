@@ -1,10 +1,11 @@
-"""Finite escape of a game Riccati flow, in information form.
+"""Finite escape of a game Riccati flow, by a test that needs no inverse of P.
 
-P(t + h) escapes when P(t)^-1 + R(h) becomes singular, R the span's observability part. Without sensors -R grows with h,
-so the test at h also covers everything before h, and it needs P at the start of the span only. With sensors P may
-escape and come back within a span, so a span is first proven free of escapes without its sensor (which only helps),
-and only the last stretch, too short for such a proof, is searched for the first zero of the smallest eigenvalue.
-Unknown: Pi = P^-1, (n, n) symmetric.
+P(t + h) escapes when P(t)^-1 + R(h) becomes singular, R the span's observability part; with a root P = G G' that is
+when I + G'R G does. Without sensors -R grows with h, so the test at h also covers everything before h, and it needs P
+at the start of the span only. With sensors P may escape and come back within a span, so a span is first proven free of
+escapes without its sensor (which only helps), and only the last stretch, too short for such a proof, is searched for
+the first zero of the smallest eigenvalue.
+Unknown: P, (n, n) symmetric positive semidefinite.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from scipy.optimize import brentq
 
 from occontrol.core.errors import SolveFailed
 from occontrol.core.signal import ConstantSignal
-from occontrol.numerics.scattering import Flow, compose_exists, star
+from occontrol.numerics.scattering import Element, Flow, advance, compose_exists, star
 
 RESOLUTION = 1e-15  # of a time, relative
 SHORTEST = 1e-6  # of a span, relative: below it the zero is bracketed instead of proven away
@@ -47,12 +48,11 @@ def free_weights(flow: Flow, edges: np.ndarray) -> np.ndarray | None:
     return X
 
 
-def inverse_after(inverse: np.ndarray, element) -> np.ndarray:
-    """P^-1 at the end of a span from P^-1 at its start:  (Q + F (Pi + R)^-1 F')^-1."""
-    F, Q, R = element
-    P = Q + F @ np.linalg.solve(inverse + R, F.T)
-    result = np.linalg.inv((P + P.T) / 2)
-    return (result + result.T) / 2
+def margin(P: np.ndarray, R: np.ndarray) -> float:
+    """The smallest eigenvalue of I + G'R G, P = G G': P escapes over the span when it reaches zero."""
+    values, vectors = np.linalg.eigh((P + P.T) / 2)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return smallest(np.eye(len(P)) + root.T @ R @ root)
 
 
 def horizon(flow: Flow, weight: np.ndarray, start: float = 0.0, limit: float = np.inf) -> float | None:
@@ -72,26 +72,32 @@ def horizon(flow: Flow, weight: np.ndarray, start: float = 0.0, limit: float = n
         if flow is None:
             return None
         limit = min(limit, start + 1e12 / flow.rate)
-    t, inverse = start, weight
+    t, P = start, np.linalg.inv(weight)
     h = 0.5 / flow.rate if flow.constant else (limit - start) / 64
-    failed = np.inf
-    while t < limit:
-        end = min(t + h, limit, failed)
+    before = np.zeros((flow.n, flow.n))
+
+    def look(end: float) -> tuple[Element, bool]:
         element, exists = flow.free_elements(np.array([t]), np.array([end]))
         F, Q, R = (part[0] for part in element)
-        if exists[0] and smallest(inverse + R) > 0:
-            following = inverse_after(inverse, (F, Q, R))
-            still = flow.constant and np.allclose(following, inverse, rtol=1e-15, atol=0) and np.max(np.abs(F)) < 1e-8
-            if still or (end >= limit):
-                return None
-            t, inverse = end, following
-            h *= 2.0 if np.isinf(failed) else 1.0
-        else:
-            failed = end
-        if np.isfinite(failed):
-            h = (failed - t) / 2
-            if h <= RESOLUTION * max(abs(t), abs(failed - start)):
-                return failed
+        return (F, Q, R), bool(exists[0]) and margin(P, R) > 0
+
+    while t < limit:
+        end = min(t + h, limit)
+        element, lives = look(end)
+        if not lives:
+            # bisect from the same start, so that nothing is carried through a nearly infinite P
+            low, high = t, end
+            while high - low > RESOLUTION * max(abs(high), high - start):
+                middle = (low + high) / 2
+                if middle in (low, high):
+                    break
+                low, high = (middle, high) if look(middle)[1] else (low, middle)
+            return high
+        # X over a span of a constant plant has stopped growing with its length: nothing longer can fail
+        settled = flow.constant and np.allclose(element[2], before, rtol=1e-14, atol=0)
+        if settled or end >= limit:
+            return None
+        t, P, before, h = end, advance(P, element), element[2], 2 * h
     return None
 
 
@@ -126,7 +132,7 @@ def escape_time(flow: Flow, weight: np.ndarray, edges: np.ndarray, sequence: Seq
     Raises SolveFailed when P grazes the escape so closely that its time cannot be told.
     Savkin, Evans & Skafidas, theorem 2.1 (i).
     """
-    inverse = weight
+    P = np.linalg.inv(weight)
     for a, b, sensor in zip(edges[:-1], edges[1:], sequence, strict=True):
         t, h = float(a), float(b - a)
         for _ in range(20_000):
@@ -134,34 +140,34 @@ def escape_time(flow: Flow, weight: np.ndarray, edges: np.ndarray, sequence: Seq
                 break
             end = min(t + h, b)
             (_F, _Q, R), exists = flow.free_elements(np.array([t]), np.array([end]))
-            if exists[0] and smallest(inverse + R[0]) > 0:
-                inverse = inverse_after(inverse, flow.element(t, end, sensor))
+            if exists[0] and margin(P, R[0]) > 0:
+                P = advance(P, flow.element(t, end, sensor))
                 t, h = end, 2 * h
             elif end - t > SHORTEST * (b - a):
                 h = (end - t) / 2
             else:
-                found = _bracket(flow, inverse, t, min(t + 64 * SHORTEST * (b - a), b), sensor)
+                found = _bracket(flow, P, t, min(t + 64 * SHORTEST * (b - a), b), sensor)
                 if found is not None:
                     return found
                 # the sensor holds it off: go on with what it gives
                 end = min(t + 64 * SHORTEST * (b - a), b)
-                inverse = inverse_after(inverse, flow.element(t, end, sensor))
+                P = advance(P, flow.element(t, end, sensor))
                 t = end
         else:
             raise SolveFailed(f"the set of states grazes infinity near t = {t:.10g}; its escape time cannot be told")
     return None
 
 
-def _bracket(flow: Flow, inverse: np.ndarray, t: float, end: float, sensor: int | None) -> float | None:
-    """The first zero of the smallest eigenvalue of Pi + R(h) on a short stretch, or None."""
+def _bracket(flow: Flow, P: np.ndarray, t: float, end: float, sensor: int | None) -> float | None:
+    """The first zero of the margin on a short stretch, or None."""
 
-    def margin(time: float) -> float:
-        return smallest(inverse + flow.element(t, time, sensor)[2]) if time > t else smallest(inverse)
+    def left_over(time: float) -> float:
+        return margin(P, flow.element(t, time, sensor)[2]) if time > t else 1.0
 
     times = np.linspace(t, end, 65)
     for left, right in itertools.pairwise(times):
-        if margin(right) <= 0:
-            return float(brentq(margin, left, right, xtol=1e-15 * max(abs(end), 1e-300), rtol=8.9e-16))
+        if left_over(right) <= 0:
+            return float(brentq(left_over, left, right, xtol=1e-15 * max(abs(end), 1e-300), rtol=8.9e-16))
     return None
 
 

@@ -15,98 +15,33 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import expm
 
 from occontrol.core.errors import SolveFailed
 from occontrol.core.signal import Signal
+from occontrol.numerics.star_product import (
+    Element,
+    advance,
+    compose_exists,
+    exponential,
+    from_transfer,
+    identity,
+    retreat,
+    star,
+    star_checked,
+    transpose,
+)
 
-Element = tuple[np.ndarray, np.ndarray, np.ndarray]
+__all__ = ["Element", "Flow", "advance", "compose_exists", "identity", "retreat", "star"]
+
 TOLERANCE = 2e-14
 SHORT = 0.5  # |H| h of a span on which no escape from P = 0 is possible
 MAX_PIECES = 200_000
-
-
-def _t(a: np.ndarray) -> np.ndarray:
-    return np.swapaxes(a, -1, -2)
-
-
-def _even(a: np.ndarray) -> np.ndarray:
-    return (a + _t(a)) / 2
-
-
-def star(first: Element, second: Element) -> Element:
-    """The element of `first` followed by `second`.
-
-    With G = (I + Q1 R2)^-1:   F = F2 G F1,   Q = Q2 + F2 G Q1 F2',   R = R1 + F1' R2 G F1
-    """
-    F1, Q1, R1 = first
-    F2, Q2, R2 = second
-    G = np.linalg.inv(np.eye(F1.shape[-1]) + Q1 @ R2)
-    FG, GF = F2 @ G, G @ F1
-    return FG @ F1, _even(Q2 + FG @ Q1 @ _t(F2)), _even(R1 + _t(F1) @ R2 @ GF)
-
-
-def compose_exists(first: Element, second: Element) -> np.ndarray:
-    """Whether P = 0 at the start survives both spans: eigenvalues of Q1 R2 above -1 (without sensors: exact)."""
-    values, vectors = np.linalg.eigh(first[1])
-    root = vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
-    inner = np.eye(values.shape[-1]) + _t(root) @ second[2] @ root
-    return np.linalg.eigvalsh(inner)[..., 0] > 0
-
-
-def _checked(first: Element, second: Element, exists: np.ndarray | None) -> Element:
-    """The star product; clears `exists` (T,) where P = 0 escapes, and puts the empty span there."""
-    if exists is None:
-        return star(first, second)
-    lives = compose_exists(first, second)
-    exists &= lives if lives.ndim == 1 else np.all(lives, axis=1)
-    n = first[0].shape[-1]
-    calm = [np.where(lives[..., None, None], part, empty) for part, empty in zip(second, identity(n), strict=True)]
-    return star(first, tuple(calm))  # type: ignore[arg-type]
-
-
-def advance(P: np.ndarray, element: Element) -> np.ndarray:
-    """P at the end of the span:  Q + F P (I + R P)^-1 F'   (P may be singular)."""
-    F, Q, R = element
-    inner = np.linalg.solve(np.eye(P.shape[-1]) + P @ R, P)
-    return _even(Q + F @ _even(inner) @ _t(F))
-
-
-def retreat(P: np.ndarray, weight: np.ndarray, element: Element) -> np.ndarray:
-    """Adjoint of `advance`: the gradient before the span of <weight, P after>, at the P before."""
-    F, _, R = element
-    J = F @ np.linalg.inv(np.eye(P.shape[-1]) + P @ R)
-    return _even(_t(J) @ weight @ J)
-
-
-def identity(n: int, batch: tuple[int, ...] = ()) -> Element:
-    """The element of an empty span."""
-    return np.broadcast_to(np.eye(n), (*batch, n, n)).copy(), np.zeros((*batch, n, n)), np.zeros((*batch, n, n))
-
-
-def _from_transfer(M: np.ndarray) -> Element:
-    """(F, Q, R) from the 2n x 2n transfer matrix of the Hamiltonian system."""
-    n = M.shape[-1] // 2
-    inverse = np.linalg.inv(M[..., n:, n:])
-    return _t(inverse), _even(M[..., :n, n:] @ inverse), _even(inverse @ M[..., n:, :n])
-
-
-def _exponential(H: np.ndarray) -> np.ndarray:
-    """exp of many small matrices at once: the [9/9] Pade quotient, exact to rounding for 1-norms up to 2."""
-    if np.max(np.sum(np.abs(H), axis=-2), initial=0.0) > 2.0:
-        return expm(H)
-    c = (17643225600, 8821612800, 2075673600, 302702400, 30270240, 2162160, 110880, 3960, 90, 1)
-    one, H2 = np.eye(H.shape[-1]), H @ H
-    H4 = H2 @ H2
-    H6, H8 = H4 @ H2, H4 @ H4
-    odd = H @ (c[9] * H8 + c[7] * H6 + c[5] * H4 + c[3] * H2 + c[1] * one)
-    even = c[8] * H8 + c[6] * H6 + c[4] * H4 + c[2] * H2 + c[0] * one
-    return np.linalg.solve(even - odd, even + odd)
+KINK = 1e-3  # relative jump at an end of a step that counts as one
 
 
 def _block(A: np.ndarray, W: np.ndarray, S: np.ndarray) -> np.ndarray:
     top = np.concatenate([A, W], axis=-1)
-    return np.concatenate([top, np.concatenate([-S, -_t(A)], axis=-1)], axis=-2)
+    return np.concatenate([top, np.concatenate([-S, -transpose(A)], axis=-1)], axis=-2)
 
 
 def _size(a: np.ndarray) -> float:
@@ -124,6 +59,7 @@ class Flow:
     rows : one Signal (m_j, n) per sensor, the scaled C_j
     gain : a factor on K
 
+    `kinks` collects the times at which a formula was found to jump.
     `elements` gives the span elements for any weights v; complex weights are welcome, which gives exact derivatives
     (the imaginary part of the element at v + i e d is e times the derivative along d).
     """
@@ -137,6 +73,7 @@ class Flow:
         if self.constant:
             self._parts = self._sample(np.zeros(1))
         self._scale = self._balance()
+        self.kinks: set[float] = set()
 
     @property
     def rate(self) -> float:
@@ -151,8 +88,8 @@ class Flow:
         """A, BB', K'K (T, n, n) and C'C (T, M, n, n)."""
         A, B, K = (s.sample(times) for s in (self.A, self.B, self.K))
         C = [s.sample(times) for s in self.rows]
-        L = np.stack([_t(c) @ c for c in C], axis=1) if C else np.zeros((len(times), 0, self.n, self.n))
-        return A, B @ _t(B), self.gain**2 * (_t(K) @ K), L
+        L = np.stack([transpose(c) @ c for c in C], axis=1) if C else np.zeros((len(times), 0, self.n, self.n))
+        return A, B @ transpose(B), self.gain**2 * (transpose(K) @ K), L
 
     def _balance(self) -> float:
         """One factor s on the state (P to s^2 P) that makes BB' and K'K alike in size."""
@@ -201,9 +138,9 @@ class Flow:
         H, size = self._exponents(starts, weights)
         h = ends - starts
         doublings = max(0, int(np.ceil(np.log2(max(float(np.max(size * h)) / SHORT, 1e-300)))))
-        element = _from_transfer(_exponential(H * (h / 2.0**doublings)[:, None, None]))
+        element = from_transfer(exponential(H * (h / 2.0**doublings)[:, None, None]))
         for _ in range(doublings):
-            element = _checked(element, element, exists)
+            element = star_checked(element, element, exists)
         return element
 
     def _varying(self, starts, ends, weights: np.ndarray, exists: np.ndarray | None) -> Element:
@@ -217,7 +154,9 @@ class Flow:
             left, right = self._magnus(a, middle, weights[owner]), self._magnus(middle, b, weights[owner])
             halves = right @ left
             error = np.max(np.abs(halves - whole), axis=(1, 2)) / np.max(np.abs(halves), axis=(1, 2))
-            good = (error <= TOLERANCE * 64) | (b - a <= floor)
+            smooth = (error <= TOLERANCE * 64) & self._smooth(a, b, weights[owner])
+            good = smooth | (b - a <= floor)
+            self.kinks.update(float(t) for t in middle[good & ~smooth])
             if not np.all(np.isfinite(error)):
                 k = int(np.argmin(np.isfinite(error)))
                 raise SolveFailed(f"the plant is not finite between t = {a[k]:.8g} and {b[k]:.8g}")
@@ -234,7 +173,7 @@ class Flow:
                 )
         M, x, who = (np.concatenate(p) for p in zip(*done, strict=True))
         order = np.lexsort((x, who))
-        return self._reduce(_from_transfer(M[order]), who[order], len(starts), exists)
+        return self._reduce(from_transfer(M[order]), who[order], len(starts), exists)
 
     def _initial_pieces(self, starts, ends, weights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Spans cut at the tables' times and so short that no piece can hold an escape from P = 0."""
@@ -265,6 +204,20 @@ class Flow:
                 np.concatenate([owner, owner[long]]),
             )
 
+    def _smooth(self, a: np.ndarray, b: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Whether the matrices at both ends of [a, b] lie where a parabola through the inner points puts them.
+
+        A jump between an end and the first inner point would otherwise go unseen.
+        """
+        root = np.sqrt(0.15)
+        x = np.array([-0.5 + 1e-9, -root, 0.0, root, 0.5 - 1e-9])
+        times = ((a + b)[:, None] / 2 + (b - a)[:, None] * x).ravel()
+        H = self._exponents(times, np.repeat(weights, 5, axis=0))[0].reshape(len(a), 5, -1)
+        rise, bend = (H[:, 3] - H[:, 1]) / (2 * root), (H[:, 3] - 2 * H[:, 2] + H[:, 1]) / (2 * root**2)
+        allowed = KINK * (1e-300 + np.max(np.abs(H), axis=(1, 2)))
+        fits = [np.max(np.abs(H[:, 2] + rise * x[i] + bend * x[i] ** 2 - H[:, i]), axis=1) <= allowed for i in (0, 4)]
+        return fits[0] & fits[1]
+
     def _magnus(self, a: np.ndarray, b: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """One sixth-order step of the Hamiltonian system over each [a, b]."""
         h = b - a
@@ -278,7 +231,7 @@ class Flow:
         inner = 2 * a3 + c1
         c2 = -(a1 @ inner - inner @ a1) / 60
         x, y = -20 * a1 - a3 + c1, a2 + c2
-        return _exponential(a1 + a3 / 12 + (x @ y - y @ x) / 240)
+        return exponential(a1 + a3 / 12 + (x @ y - y @ x) / 240)
 
     def _reduce(self, pieces: Element, owner: np.ndarray, count: int, exists: np.ndarray | None) -> Element:
         """The star product of every owner's pieces, in pairs."""
@@ -292,5 +245,5 @@ class Flow:
             padded.append(empty)
         while padded[0].shape[1] > 1:
             first, second = tuple(p[:, 0::2] for p in padded), tuple(p[:, 1::2] for p in padded)
-            padded = list(_checked(first, second, exists))  # type: ignore[arg-type]
+            padded = list(star_checked(first, second, exists))  # type: ignore[arg-type]
         return padded[0][:, 0], padded[1][:, 0], padded[2][:, 0]

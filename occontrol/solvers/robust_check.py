@@ -52,8 +52,10 @@ def integrate(
 
     n = flow.n
     spans = []
+    # where tables and formulas jump: an adaptive step would run over some of them
+    breaks = np.unique(np.concatenate([flow.cuts, np.array(sorted(flow.kinks))]))
     for a, b, sensor in zip(edges[:-1], edges[1:], sequence, strict=True):
-        inner = flow.cuts[(flow.cuts > a + 1e-12 * (b - a)) & (flow.cuts < b - 1e-12 * (b - a))]
+        inner = breaks[(breaks > a + 1e-9 * (b - a)) & (breaks < b - 1e-9 * (b - a))]
         nodes = [a, *inner, b]
         spans += [(s, e, sensor) for s, e in itertools.pairwise(nodes)]
 

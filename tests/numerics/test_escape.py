@@ -93,3 +93,14 @@ def test_the_gain_that_fits_puts_the_horizon_at_the_end():
     factor = gain_that_fits(flow, weight, edges)
     assert 0 < factor < 1
     assert horizon(flow.scaled(factor), weight) == pytest.approx(12.0, rel=1e-6)
+
+
+def test_a_stable_plant_without_noise_keeps_a_bounded_free_weight():
+    """B = 0: X(0) tends to the observability Gramian, so everything hangs on whether that is below the weight."""
+    A, K = np.array([[-100.0, 1], [0, -0.5]]), np.array([[0.7, 0.3]])
+    flow = Flow(as_signal(A), as_signal([[0], [0]]), as_signal(K))
+    from scipy.linalg import solve_continuous_lyapunov
+
+    gramian = solve_continuous_lyapunov(A.T, -K.T @ K)
+    assert horizon(flow, gramian * 1.001 + 1e-6 * np.eye(2)) is None
+    assert horizon(flow, gramian * 0.9 + 1e-6 * np.eye(2)) is not None

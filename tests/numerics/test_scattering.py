@@ -94,3 +94,15 @@ def test_retreat_is_the_adjoint_of_advance():
     step = 1e-6
     difference = (advance(P + step * change, element) - advance(P - step * change, element)) / (2 * step)
     assert np.sum(weight * difference) == pytest.approx(np.sum(retreat(P, weight, element) * change), rel=1e-8)
+
+
+def test_a_jump_anywhere_in_a_formula_is_found():
+    """Against constant pieces: steps whose inner points all lie on one side of a jump must not pass."""
+    rest = (as_signal(B), as_signal(K), [as_signal(c) for c in C])
+    before, after = (Flow(as_signal([[0, 1], [-1, x]]), *rest) for x in (0.4, -0.4))
+    for at in (0.777, 0.3, 1.2345, 0.0101, 1.99):
+        flow = Flow(as_signal([[0, 1], [-1, f"-0.4*sign(t-{at})"]]), *rest)
+        exact = star(before.element(0, at, 0), after.element(at, 2, 0))
+        for one, two in zip(flow.element(0, 2, 0), exact, strict=True):
+            assert one == pytest.approx(two, abs=1e-10)
+        assert min(abs(t - at) for t in flow.kinks) < 1e-9
