@@ -1,6 +1,7 @@
 """The jumping-mode estimator on a problem's own terms: sampled arrays, and a filter along given measurements.
 
-Unknowns at a step: means (modes, n), covariances (modes, n, n), log-probabilities (modes,); see filtering/imm_kernel.py.
+Unknowns at a step: means (modes, n), covariances (modes, n, n), log-probabilities (modes,); see
+filtering/imm_kernel.py.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""What many runs of the jumping-mode estimator say: errors over time, on average and at worst, each with its standard error."""
+"""What many runs of the jumping-mode estimator say: errors over time, on average and at worst, each with its
+standard error."""
 
 from __future__ import annotations
 
@@ -104,8 +105,8 @@ def summarise_runs(outcomes: Outcomes) -> dict[str, float]:
 
     Returns
     -------
-    average_rms, peak_rms (mean and largest over the steps of r(k)), mode_errors (steps with the wrong mode, mean over runs),
-    average_nees (equals the number of states where the estimator's covariance is honest).
+    average_rms, peak_rms (mean and largest over the steps of r(k)), mode_errors (steps with the wrong mode, mean
+    over runs), average_nees (equals the number of states where the estimator's covariance is honest).
     """
     pairs = {
         "average_rms": average_with_error(outcomes.squared, lambda r: np.mean(r, axis=-1)),

@@ -1,7 +1,7 @@
 """Seeded truths of a jumping-mode plant and what every sensor would read of them, all runs at once.
 
-Unknowns: x (runs, n) and the mode q (runs,), advanced together. Every run has a generator of its own, so that a run does not
-depend on how many others there are, and every method meets the same truth and the same noise.
+Unknowns: x (runs, n) and the mode q (runs,), advanced together. Every run has a generator of its own, so that a run
+does not depend on how many others there are, and every method meets the same truth and the same noise.
 """
 
 from __future__ import annotations
