@@ -14,6 +14,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from occontrol.core.discrete_sensor import DiscreteSensor, Region
     from occontrol.core.errors import (
         FileAccessError,
         InfeasibleError,
@@ -24,16 +25,18 @@ if TYPE_CHECKING:
     )
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.monitor import Monitor
-    from occontrol.core.plant import LinearPlant
+    from occontrol.core.plant import DiscretePlant, LinearPlant
     from occontrol.core.schedule import Schedule
     from occontrol.core.scheduling import SchedulingProblem
     from occontrol.core.sensor import Sensor, SensorSuite, idle_sensor
     from occontrol.core.solution import Certificate, Solution, Status
     from occontrol.core.trajectory import Trajectory
+    from occontrol.families.vlambda_problem import SelectionProblem
     from occontrol.files.data_files import read_measurements, read_schedule
     from occontrol.files.export import export_run
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import read_run, write_run
+    from occontrol.filtering.eigenfactor_online import OnlineSelector
     from occontrol.filtering.online import MatchedFilter
     from occontrol.library import certify, plot, run_filter, simulate, solve, tradeoff
     from occontrol.solvers.options import (
@@ -59,14 +62,17 @@ _HOME = {
     ),
     "core.measurement": ("Measurement", "Estimate"),
     "core.monitor": ("Monitor",),
-    "core.plant": ("LinearPlant",),
+    "core.plant": ("LinearPlant", "DiscretePlant"),
     "core.schedule": ("Schedule",),
     "core.scheduling": ("SchedulingProblem",),
+    "core.discrete_sensor": ("DiscreteSensor", "Region"),
     "core.sensor": ("Sensor", "SensorSuite", "idle_sensor"),
     "core.solution": ("Solution", "Certificate", "Status"),
     "core.trajectory": ("Trajectory",),
+    "families.vlambda_problem": ("SelectionProblem",),
     "library": ("solve", "certify", "simulate", "run_filter", "tradeoff", "plot"),
     "filtering.online": ("MatchedFilter",),
+    "filtering.eigenfactor_online": ("OnlineSelector",),
     "solvers.options": (
         "RelaxRoundPolish",
         "HMinimal",
@@ -88,6 +94,8 @@ __all__ = [
     "BestSingle",
     "Certificate",
     "Collocation",
+    "DiscretePlant",
+    "DiscreteSensor",
     "Estimate",
     "FileAccessError",
     "Greedy",
@@ -98,13 +106,16 @@ __all__ = [
     "Measurement",
     "Monitor",
     "OccontrolError",
+    "OnlineSelector",
     "ProblemError",
     "Random",
+    "Region",
     "RelaxRoundPolish",
     "Relaxed",
     "RoundRobin",
     "Schedule",
     "SchedulingProblem",
+    "SelectionProblem",
     "Sensor",
     "SensorSuite",
     "Solution",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from occontrol.core.errors import SolveFailed, UsageError
 from occontrol.core.measurement import Estimate, Measurement
@@ -19,6 +19,9 @@ from occontrol.filtering.selection import Selection, run_selection
 from occontrol.solvers.choosers import Eigenspace, Fixed, Lookahead, Optimal, Random, RoundRobin, Trace
 from occontrol.solvers.sensor_choice import FixedChooser, subsets
 
+if TYPE_CHECKING:
+    from occontrol.filtering.eigenfactor_online import OnlineSelector
+
 __all__ = [
     "COLUMNS",
     "COMPARE",
@@ -29,6 +32,7 @@ __all__ = [
     "compare_names",
     "describe",
     "method_named",
+    "online",
     "run_filter",
     "simulate",
     "solve",
@@ -116,6 +120,31 @@ def _best_fixed(problem: Problem, watch: Monitor) -> tuple[Selection, str]:
         if watch.stop:
             break
     return found[0]
+
+
+def online(problem: Problem, method: Any = None) -> OnlineSelector:
+    """The loop of a target: `step(measurements)` gives the estimate and which sensors to use next.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : a METHODS value or a name such as "eigenspace" or "fixed:one"; the problem's own if left out
+
+    >>> loop = online(problem)                       # doctest: +SKIP
+    >>> done = loop.step({"one": [0.3, 0.1]})        # doctest: +SKIP
+    >>> done.mean, done.next_sensors                 # doctest: +SKIP
+    """
+    from occontrol.filtering.eigenfactor_online import OnlineSelector
+
+    if isinstance(method, str):
+        name = method
+        method = method_named(problem, name) or (METHODS[name]() if name in METHODS else None)
+        if method is None:
+            raise UsageError(f"family vlambda has no method '{name}'\n  hint: there are: {', '.join(METHODS)}")
+    method = method or problem.method or Eigenspace()
+    searched = isinstance(method, Optimal) or (isinstance(method, Fixed) and method.sensor is None)
+    chooser = recorded(problem, solve(problem, method)) if searched else method.chooser(problem)
+    return OnlineSelector(problem.sampled, problem.starts, problem.select, chooser)
 
 
 def simulate(problem: Problem, solution: Solution | None, seed: int = 0) -> tuple[list[Measurement], Trajectory]:

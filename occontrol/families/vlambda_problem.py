@@ -172,3 +172,6 @@ class Problem:
     def sampled(self) -> SampledPlant:
         """Everything as arrays over k, in scaled states."""
         return sample_plant(self.plant, list(self.sensors), self.steps, self.scales)
+
+
+SelectionProblem = Problem  # its name outside of the family

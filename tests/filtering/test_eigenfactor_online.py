@@ -11,9 +11,10 @@ from occontrol.core.discrete_sensor import DiscreteSensor, Region
 from occontrol.core.errors import ProblemError, SolveFailed, UsageError
 from occontrol.core.measurement import Measurement
 from occontrol.core.plant import DiscretePlant
-from occontrol.families.vlambda import Problem, run_filter, simulate, solve
+from occontrol.families.vlambda import Problem, online, run_filter, simulate, solve
 from occontrol.files.problem_file import read_problem
 from occontrol.filtering.eigenfactor_online import OnlineSelector
+from occontrol.solvers.choosers import Optimal
 from occontrol.solvers.sensor_choice import EigenspaceChooser, FixedChooser
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -154,3 +155,17 @@ def test_an_unstable_direction_that_nobody_measures_is_a_message():
     problem = Problem("unstable", plant, [DiscreteSensor("a", [[0.0, 1.0]], 1.0)], 600, 50)
     with pytest.raises(SolveFailed, match=r"the error covariance overflows at k = 46\d\n  hint: an unstable direction"):
         solve(problem)
+
+
+def test_the_loop_of_a_problem_follows_any_method(oshman):
+    assert online(oshman).sensors == ("three",)
+    assert online(oshman, "fixed:two").sensors == ("two",)
+    assert online(oshman, "round-robin").sensors == ("one",)
+    best = online(oshman, "optimal")
+    chosen = []
+    while not best.finished:
+        chosen.append(best.sensors[0])
+        best.step()
+    assert chosen[::25] == [e["sensors"][0] for e in solve(oshman, Optimal()).result["schedule"]]
+    with pytest.raises(UsageError, match="family vlambda has no method 'best'"):
+        online(oshman, "best")

@@ -195,7 +195,7 @@ def _strips(axes: Axes, problem: Problem, solutions: Mapping[str, Solution]) -> 
             height = 0.74 / problem.select
             axes.bar(
                 edges[:-1][on],
-                np.full(np.sum(on), height),
+                np.full(int(np.sum(on)), height),
                 np.diff(edges)[on],
                 count - 1 - row - 0.37 + rank[on] * height,
                 align="edge",
@@ -203,7 +203,7 @@ def _strips(axes: Axes, problem: Problem, solutions: Mapping[str, Solution]) -> 
                 label=style.shorten(names[j]) if row == 0 and count else None,
                 linewidth=0,
             )
-    axes.set_yticks(range(count), [style.shorten(name) for name in reversed(solutions)])
+    axes.set_yticks(range(count), [style.shorten(name) for name in reversed(list(solutions))])
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(-0.6, count - 0.4)
     axes.spines["left"].set_visible(False)

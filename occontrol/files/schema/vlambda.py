@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
 from occontrol.core.discrete_sensor import DiscreteSensor, LocatedMatrix, Region
+from occontrol.core.errors import Path
 from occontrol.core.plant import DiscretePlant
 from occontrol.families.vlambda_problem import CRITERIA, Problem
 from occontrol.files.schema.common import (
@@ -146,7 +147,7 @@ def _plant(entry: Plant, context: Context) -> DiscretePlant | None:
     if plant is None:
         fresh = context.found.mistakes[known:]
         bad = {m.path[1] for m in fresh if len(m.path) > 1}
-        initial = {("plant", key): ("plant", "initial", key) for key in ("covariance", "mean")}
+        initial: dict[Path, Path] = {("plant", key): ("plant", "initial", key) for key in ("covariance", "mean")}
         context.found.mistakes[known:] = [m.moved(initial.get(m.path[:2], m.path[:2])) for m in fresh]
         bad |= {"G", "Q"} if bad & {"G", "Q"} else set()
         plant = DiscretePlant(F=F, **{key: stand_in[key] if key in bad else value for key, value in values.items()})
