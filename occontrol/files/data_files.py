@@ -28,7 +28,8 @@ def read_schedule(path: str | Path, problem: Any) -> Schedule:
 
     Parameters
     ----------
-    path : CSV with the columns start, end, sensors (names joined by ';'); JSON, a list of
+    path : CSV with the columns start, end, sensors (names joined by ';') and, where sensors share their time,
+        weights (joined by ';'); JSON, a list of
         {start, end, sensors[, weights]} or a dict that has it under 'schedule'; or a run folder
     problem : a problem whose sensors are chosen on a grid of times or epochs
 
@@ -133,16 +134,25 @@ def _from_run(folder: Path) -> list[Segment]:
 def _from_csv(path: Path) -> list[Segment]:
     found, segments = Collector(), []
     rows = _rows(path, ("start", "end", "sensors"), "schedule")
-    next(rows)
+    _, header = next(rows)
+    weighted = header[3:4] == ["weights"]
     for line, row in rows:
         place = f"{path}:{line}"
-        if len(row) > 3 and any(field.strip() for field in row[3:]):
+        shares = None
+        if weighted and len(row) == 4 and row[3].strip():
+            parts = [_number(part, "weights", place, found) for part in row[3].split(";")]
+            shares = tuple(part for part in parts if part is not None)
+            count = len([name for name in row[2].split(";") if name.strip()])
+            if len(parts) != count:
+                _add(found, place, f"{len(parts)} weights for {count} sensors", "one weight per sensor, joined by ';'")
+                continue
+        elif len(row) > 3 and any(field.strip() for field in row[3:]):
             _add(found, place, f"the line has {len(row)} fields, not 3", "join the names of sensors by ';'")
             continue
         start, end = (_number(row[i], key, place, found) for i, key in enumerate(("start", "end")))
         names = tuple(name.strip() for name in row[2].split(";") if name.strip())
         if start is not None and end is not None:
-            segments.append(Segment(start, end, names, None, partial(str, place)))
+            segments.append(Segment(start, end, names, shares, partial(str, place)))
     if found.mistakes:
         raise in_order(found.mistakes)
     return segments

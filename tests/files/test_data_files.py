@@ -278,3 +278,17 @@ def test_measurements_that_are_refused(tmp_path):
     assert words(read_measurements, path, problem()) == [f"{path}:1: the first line is 'time;sensor;z1'"]
     path = written(tmp_path, 't,sensor,z1\n1,"radar,2\n', "z.csv")
     assert words(read_measurements, path, problem())[0].startswith(f"{path}:2: this is not CSV")
+
+
+def test_shares_of_a_relaxed_schedule_are_read_from_csv(small_file, tmp_path):
+    import occontrol
+
+    problem = occontrol.read_problem(small_file)
+    path = tmp_path / "shares.csv"
+    path.write_text("start,end,sensors,weights\n0,2,range;doppler,0.25;0.75\n2,4,doppler,\n")
+    schedule = occontrol.read_schedule(path, problem)
+    np.testing.assert_allclose(schedule.weights[0], [0.25, 0.75, 0])
+    np.testing.assert_allclose(schedule.weights[-1], [0, 1, 0])
+    path.write_text("start,end,sensors,weights\n0,4,range;doppler,0.25\n")
+    with pytest.raises(ProblemError, match="1 weights for 2 sensors"):
+        occontrol.read_schedule(path, problem)
