@@ -85,8 +85,10 @@ def _deviation(covariance: np.ndarray) -> np.ndarray:
 def _present_output(problem: SchedulingProblem, steps: Sequence[Step]) -> tuple[np.ndarray, np.ndarray]:
     """w(t) = D(t) x(t) and its standard deviation at every node."""
     D = problem.output.sample(np.array([s.time for s in steps]))
-    mean = np.array([d @ s.estimate for d, s in zip(D, steps, strict=True)])
-    return mean, np.array([_deviation(d @ s.covariance @ d.T) for d, s in zip(D, steps, strict=True)])
+    with np.errstate(invalid="ignore"):  # only D(Tp) has to be finite; elsewhere the fields stay empty
+        mean = np.array([d @ s.estimate for d, s in zip(D, steps, strict=True)])
+        deviation = np.array([_deviation(d @ s.covariance @ d.T) for d, s in zip(D, steps, strict=True)])
+    return mean, deviation
 
 
 def _notes(model: SampledModel, steps: Sequence[Step]) -> tuple[str, ...]:

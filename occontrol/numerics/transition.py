@@ -4,11 +4,14 @@
 
 Constant plants: van Loan's exponential over a short step, doubled up to the span (doubling adds positive semidefinite
 terms only, so stiff plants and long steps lose nothing). Otherwise: sixth-order Magnus steps of van Loan's system,
-spans cut where a table has its times, the number of steps doubled until F and Q stand still.
+spans cut where a table has its times, the number of steps doubled until F and Q stand still and A and Xi look smooth;
+where they do not (a formula with a jump or a kink), the span is halved again and again around the place.
 Source: van Loan (1978); Blanes, Casas & Ros (2000) for the Magnus coefficients.
 """
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import expm
@@ -17,7 +20,10 @@ from occontrol.core.errors import SolveFailed
 from occontrol.core.signal import Signal
 
 TOLERANCE = 1e-12
-MAX_STEPS = 4096
+MAX_STEPS = 16  # a span that needs more is halved
+MAX_PIECES = 256  # that may still be wrong at the same time
+SMOOTH = 0.13  # between 1/16, the fall of the roughness of what is smooth when steps are halved, and 1/4, of a kink
+INSET = 1e-7  # of a step: a table that is held takes its next value at the very end
 
 
 def transitions(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -95,52 +101,84 @@ def _varying(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> 
     for i, (a, b) in enumerate(zip(starts, ends, strict=True)):
         inner = cuts[(cuts > a + 1e-13 * abs(b - a)) & (cuts < b - 1e-13 * abs(b - a))]
         nodes = [a, *inner, b]
-        pieces += list(zip(nodes[:-1], nodes[1:], strict=True))
+        pieces += list(pairwise(nodes))
         owner += [i] * (len(nodes) - 1)
-    spans = np.array(pieces)
-    f, q = np.empty((len(spans), n, n)), np.empty((len(spans), n, n))
-    todo, steps = np.arange(len(spans)), 1
-    with np.errstate(over="ignore", invalid="ignore"):
-        f[todo], q[todo] = _magnus(A, noise, spans[todo], steps)
-    while len(todo):
-        steps *= 2
-        if steps > MAX_STEPS:
-            a, b = spans[todo[0]]
+    spans, whose, scale = np.array(pieces), np.array(owner), np.zeros(len(pieces))
+    most = len(spans) + MAX_PIECES
+    found: list[tuple[int, float, np.ndarray, np.ndarray]] = []
+    while len(spans):
+        f, q, wrong = _doubled(A, noise, spans, scale)
+        found += [(int(whose[k]), spans[k, 0], f[k], q[k]) for k in np.flatnonzero(~wrong)]
+        if np.sum(wrong) > most:
+            a, b = spans[wrong][0]
             raise SolveFailed(
                 f"the plant cannot be integrated between t = {a:g} and {b:g} to {TOLERANCE:g}\n"
                 "  hint: A or noise changes too fast there; use a finer grid, or a table with a time at each jump"
             )
-        with np.errstate(over="ignore", invalid="ignore"):
-            finer_f, finer_q = _magnus(A, noise, spans[todo], steps)
-            # written so that a step that overflowed counts as wrong
-            wrong = ~(_apart(finer_f, f[todo]) <= TOLERANCE * np.max(np.abs(finer_f), axis=(1, 2)))
-            wrong |= ~(_apart(finer_q, q[todo]) <= TOLERANCE * np.max(np.abs(finer_q), axis=(1, 2)))
-        f[todo], q[todo] = finer_f, finer_q
-        todo = todo[wrong]
+        # a formula with a jump or a kink: halve the pieces, only the one that holds it stays wrong
+        whose, spans = np.repeat(whose[wrong], 2), spans[wrong]
+        scale = np.repeat(np.fmax(scale[wrong], np.max(np.abs(q[wrong]), axis=(1, 2))), 2)
+        middle = np.mean(spans, axis=1)
+        spans = np.column_stack([spans[:, 0], middle, middle, spans[:, 1]]).reshape(-1, 2)
+    found.sort(key=lambda piece: piece[:2])
     F = np.tile(np.eye(n), (len(starts), 1, 1))
     Q = np.zeros_like(F)
-    for piece, i in enumerate(owner):
-        Q[i] = f[piece] @ Q[i] @ f[piece].T + q[piece]
-        F[i] = f[piece] @ F[i]
+    for i, _, f_piece, q_piece in found:
+        Q[i] = f_piece @ Q[i] @ f_piece.T + q_piece
+        F[i] = f_piece @ F[i]
     return F, _semidefinite((Q + np.swapaxes(Q, 1, 2)) / 2)
+
+
+def _doubled(
+    A: Signal, noise: Signal, spans: np.ndarray, scale: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """F and Q of the (K, 2) spans by 1, 2, 4, .. steps, and which still move after MAX_STEPS.
+
+    `scale` (K,) is the size of Q below which nothing counts: that of the span which a piece was cut from.
+    """
+    todo, steps = np.arange(len(spans)), 1
+    shortest = 4 * np.finfo(float).eps * np.max(np.abs(spans), axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        f, q, rough = _magnus(A, noise, spans, steps)
+        while len(todo) and steps < MAX_STEPS:
+            steps *= 2
+            finer_f, finer_q, finer_rough = _magnus(A, noise, spans[todo], steps)
+            # written so that a step that overflowed counts as wrong
+            wrong = ~(_apart(finer_f, f[todo]) <= TOLERANCE * np.max(np.abs(finer_f), axis=(1, 2)))
+            size = np.maximum(scale[todo], np.max(np.abs(finer_q), axis=(1, 2)))
+            wrong |= ~(_apart(finer_q, q[todo]) <= TOLERANCE * size)
+            allowed = np.maximum(SMOOTH * rough[todo], TOLERANCE * np.column_stack([np.ones(len(todo)), size]))
+            wrong |= np.any(finer_rough > allowed, axis=1)
+            f[todo], q[todo], rough[todo] = finer_f, finer_q, finer_rough
+            # a piece as short as the rounding of its times cannot be cut further
+            tiny = (spans[todo, 1] - spans[todo, 0] <= shortest[todo]) & np.all(np.isfinite(finer_q), axis=(1, 2))
+            todo = todo[wrong & ~tiny]
+    left = np.zeros(len(spans), dtype=bool)
+    left[todo] = True
+    return f, q, left
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.max(np.abs(a - b), axis=(1, 2))
 
 
-def _magnus(A: Signal, noise: Signal, spans: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """`steps` sixth-order Magnus steps over each of the (K, 2) spans."""
+def _magnus(A: Signal, noise: Signal, spans: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`steps` sixth-order Magnus steps over each of the (K, 2) spans: F, Q, and how rough A and Xi are (K, 2).
+
+    Roughness: h times the distance, at the ends of a step, between a signal and the parabola through its three nodes.
+    It falls as h^4 where all is smooth, as h^2 with a kink, as h with a jump, also one between the end and a node.
+    """
     K, n = len(spans), A.shape[0]
     h = (spans[:, 1] - spans[:, 0]) / steps
-    offsets = np.array([0.5 - np.sqrt(15) / 10, 0.5, 0.5 + np.sqrt(15) / 10])
-    times = spans[:, 0, None, None] + h[:, None, None] * (np.arange(steps)[None, :, None] + offsets)
-    flat = times.ravel()
-    H = np.zeros((len(flat), 2 * n, 2 * n))
-    a = A.sample(flat)
-    H[:, :n, :n], H[:, :n, n:] = a, noise.sample(flat)
-    H[:, n:, n:] = -np.swapaxes(a, 1, 2)
-    H = H.reshape(K, steps, 3, 2 * n, 2 * n) * h[:, None, None, None, None]
+    nodes = np.array([INSET, 0.5 - np.sqrt(15) / 10, 0.5, 0.5 + np.sqrt(15) / 10, 1 - INSET])
+    times = spans[:, 0, None, None] + h[:, None, None] * (np.arange(steps)[None, :, None] + nodes)
+    a = A.sample(times.ravel()).reshape(K, steps, 5, n, n)
+    x = noise.sample(times.ravel()).reshape(K, steps, 5, n, n)
+    rough = h[:, None] * np.column_stack([_roughness(a, nodes), _roughness(x, nodes)])
+    H = np.zeros((K, steps, 3, 2 * n, 2 * n))
+    H[..., :n, :n], H[..., :n, n:] = a[:, :, 1:4], x[:, :, 1:4]
+    H[..., n:, n:] = -np.swapaxes(a[:, :, 1:4], -1, -2)
+    H *= h[:, None, None, None, None]
 
     def commutator(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return x @ y - y @ x
@@ -158,4 +196,18 @@ def _magnus(A: Signal, noise: Signal, spans: np.ndarray, steps: int) -> tuple[np
         step = f[:, s]
         Q = step @ Q @ np.swapaxes(step, 1, 2) + q[:, s]
         F = step @ F
-    return F, Q
+    return F, Q, rough
+
+
+def _roughness(values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Largest distance at the outer two of five nodes from the parabola through the inner three."""
+    inner = nodes[1:4]
+    worst = np.zeros(len(values))
+    for end in (0, 4):
+        parabola = 0.0
+        for i in range(3):
+            others = np.delete(inner, i)
+            parabola = parabola + np.prod((nodes[end] - others) / (inner[i] - others)) * values[:, :, 1 + i]
+        apart = np.abs(values[:, :, end] - parabola)
+        worst = np.maximum(worst, np.max(apart.reshape(len(values), -1), axis=1))
+    return worst

@@ -68,3 +68,14 @@ def test_too_wild_a_plant_is_refused_with_the_time():
 def test_a_plant_that_overflows_is_refused():
     with pytest.raises(SolveFailed, match="grows beyond all numbers"):
         transitions(as_signal([[1e4]]), as_signal([[1.0]]), np.zeros(1), np.ones(1))
+
+
+def test_jumps_and_kinks_of_a_formula_are_found_wherever_they_are():
+    """sign, abs, max inside a span, against integrals by hand; also where the noise jumps from nothing."""
+    A = as_signal([["sign(t - 0.3123456789) + abs(t - 0.7)"]])
+    F, _ = transitions(A, as_signal([[0.0]]), np.zeros(1), np.ones(1))
+    exponent = (1 - 2 * 0.3123456789) + (0.7**2 + 0.3**2) / 2
+    np.testing.assert_allclose(F[0, 0, 0], np.exp(exponent), rtol=1e-12)
+    noise = as_signal([["max(0, sign(t - 0.123))*(1 + t)"]])
+    _, Q = transitions(as_signal([[0.0]]), noise, np.zeros(1), np.ones(1))
+    np.testing.assert_allclose(Q[0, 0, 0], (2**2 - 1.123**2) / 2, rtol=1e-11)
