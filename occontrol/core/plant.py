@@ -69,9 +69,11 @@ class LinearPlant:
         if self.B is not None:
             mistakes += check_shape("B", self.B.shape, n, None, ("B",), hint)
             if self.input is None:
-                mistakes.append(Mistake(("B",), "B is given without input", "add input: [..], one entry per column of B"))
+                hint = "add input: [..], one entry per column of B"
+                mistakes.append(Mistake(("B",), "B is given without input", hint))
             else:
-                mistakes += check_shape("input", self.input.shape, self.B.shape[1], 1, ("input",), "one entry per column of B")
+                shape, hint = self.input.shape, "one entry per column of B"
+                mistakes += check_shape("input", shape, self.B.shape[1], 1, ("input",), hint)
         elif self.input is not None:
             mistakes.append(Mistake(("input",), "input is given without B", "add B, one column per entry of input"))
         if mistakes:
@@ -136,7 +138,7 @@ class DiscretePlant:
         wrong = check_shape("covariance", self.covariance.shape, n, n, ("covariance",), hint)
         mistakes += wrong or check_covariance("covariance", self.covariance, ("covariance",))
         if len(mean) != n:
-            mistakes.append(Mistake(("mean",), f"mean has {len(mean)} entries, the plant has {n} states", "one entry per state"))
+            mistakes.append(Mistake(("mean",), f"mean has {len(mean)} entries, {hint}", "one entry per state"))
         elif not np.all(np.isfinite(mean)):
             mistakes.append(Mistake(("mean",), "mean is not finite"))
         if mistakes:
