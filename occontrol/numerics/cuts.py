@@ -8,8 +8,52 @@ holds. The last cuts of a quasi-Newton run lean to different sides of the optimu
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from occontrol.numerics.polytope import vertex
+from occontrol.numerics.polytope import fill
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz", "reassoc"}, error_model="numpy")
+def _mixture(a, g, count, last, upper, select, rounds):
+    """The best bound of the first `count` cuts by entropic ascent on their shares, from cut `last`."""
+    N, M = upper.shape
+    shares, values = np.zeros(count), np.empty(count)
+    shares[last] = 1.0
+    mixed, w = np.empty(M), np.empty(M)
+    best = -np.inf
+    for turn in range(rounds):
+        values[:] = a[:count]
+        for k in range(N):
+            mixed[:] = 0.0
+            for i in range(count):
+                x = shares[i]
+                if x > 1e-9:  # any shares are valid, so the smallest may be dropped
+                    for j in range(M):
+                        mixed[j] += x * g[i, k, j]
+            fill(mixed, upper[k], select, w)
+            for j in range(M):
+                x = w[j]
+                if x > 0.0:
+                    for i in range(count):
+                        values[i] += x * g[i, k, j]
+        # w minimises the mixture of the kept shares, so their sum is the divisor
+        total = kept = 0.0
+        low, high = np.inf, -np.inf
+        for i in range(count):
+            if shares[i] > 1e-9:
+                total += shares[i] * values[i]
+                kept += shares[i]
+            low, high = min(low, values[i]), max(high, values[i])
+        best = max(best, total / kept)
+        if not high > low:
+            break
+        total = 0.0
+        for i in range(count):
+            shares[i] = (shares[i] + 1e-4) * np.exp(3.0 / (high - low) / np.sqrt(turn + 1.0) * (values[i] - high))
+            total += shares[i]
+        for i in range(count):
+            shares[i] /= total
+    return best
 
 
 class Cuts:
@@ -45,18 +89,4 @@ class Cuts:
     def bound(self, rounds: int = 50) -> float:
         """The best mixture found in `rounds` steps of entropic ascent; valid whenever it stops."""
         count = min(self._next, self.size)
-        a, G = self._a[:count], self._g[:count].reshape(count, -1)
-        lam = np.zeros(count)
-        lam[(self._next - 1) % self.size] = 1.0
-        best = -np.inf
-        for i in range(rounds):
-            mixed = (lam @ G).reshape(self.upper.shape)
-            w = vertex(mixed, self.upper, self.select)
-            values = a + G @ w.ravel()
-            best = max(best, float(lam @ values))
-            spread = float(np.ptp(values))
-            if spread <= 0:
-                break
-            lam = (lam + 1e-4) * np.exp(3.0 / spread / np.sqrt(i + 1) * (values - values.max()))
-            lam /= lam.sum()
-        return best
+        return _mixture(self._a, self._g, count, (self._next - 1) % self.size, self.upper, self.select, rounds)

@@ -12,6 +12,41 @@ _OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
 BISECTIONS = 100
 
 
+@njit(**_OPTIONS)
+def fill(g, upper, select, w):
+    """w (M,) <- the vertex of one interval that minimises g.w: the cheapest open weights, on ties the lowest index."""
+    M = len(g)
+    w[:] = 0.0
+    left = float(select)
+    while left > 0.0:
+        best = -1
+        for j in range(M):
+            if upper[j] > w[j] and (best < 0 or g[j] < g[best]):
+                best = j
+        if best < 0:
+            return
+        w[best] = min(upper[best], left)
+        left -= w[best]
+
+
+@njit(**_OPTIONS)
+def _vertex(g, upper, select, w):
+    for k in range(len(g)):
+        fill(g[k], upper[k], select, w[k])
+
+
+@njit(**_OPTIONS)
+def _excess(v, g, upper, select, found):
+    w = np.empty(g.shape[1])
+    for k in range(len(g)):
+        fill(g[k], upper[k], select, w)
+        total = 0.0
+        for j in range(len(w)):
+            if upper[k, j] > 0.0:
+                total += g[k, j] * (v[k, j] - w[j])
+        found[k] = total
+
+
 def vertex(gradient: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
     """argmin over V of gradient . w on every interval; ties go to the lowest index.
 
@@ -23,16 +58,8 @@ def vertex(gradient: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
 
     Returns (N, M); integral because `upper` and `select` are.
     """
-    if select == 1:
-        choice = np.argmin(np.where(upper > 0, gradient, np.inf), axis=1)
-        w = np.zeros(gradient.shape)
-        w[np.arange(len(w)), choice] = 1.0
-        return w
-    order = np.argsort(np.where(upper > 0, gradient, np.inf), axis=1, kind="stable")
-    room = np.take_along_axis(upper, order, axis=1)
-    before = np.cumsum(room, axis=1) - room
-    w = np.zeros(gradient.shape)
-    np.put_along_axis(w, order, np.clip(select - before, 0.0, room), axis=1)
+    w = np.empty(gradient.shape)
+    _vertex(np.ascontiguousarray(gradient), upper, select, w)
     return w
 
 
@@ -44,10 +71,9 @@ def excess(weights: np.ndarray, gradient: np.ndarray, upper: np.ndarray, select:
     weights, gradient, upper : (N, M)
     select : sum of the weights
     """
-    g = np.where(upper > 0, gradient, 0.0)
-    if select == 1:
-        return np.sum(g * weights, axis=1) - np.min(np.where(upper > 0, gradient, np.inf), axis=1)
-    return np.sum(g * (weights - vertex(gradient, upper, select)), axis=1)
+    found = np.empty(len(weights))
+    _excess(np.ascontiguousarray(weights), np.ascontiguousarray(gradient), upper, select, found)
+    return found
 
 
 @njit(**_OPTIONS)

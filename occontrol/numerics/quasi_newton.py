@@ -45,41 +45,36 @@ def _face(v, g, upper, free, count):
 
 
 @njit(**_OPTIONS)
-def _flatten(x, free, count, out):
+def _flatten(x, mask, count, out):
     """out <- x projected on the plane of the face."""
     N, M = x.shape
     for k in range(N):
         mean = 0.0
         for j in range(M):
-            if free[k, j]:
-                mean += x[k, j]
+            mean += mask[k, j] * x[k, j]
         mean /= count[k]
         for j in range(M):
-            out[k, j] = x[k, j] - mean if free[k, j] else 0.0
+            out[k, j] = mask[k, j] * (x[k, j] - mean)
 
 
 @njit(**_OPTIONS)
-def _two_loops(g, free, count, S, Y, oldest, stored, first_length, q, t, alpha, curvature):
-    """-B g on the face, into q; returns whether any pair was used."""
-    N, M = g.shape
+def _two_loops(g, mask, count, S, Y, oldest, stored, first_length, q, t, alpha, curvature):
+    """-B g on the face, into q; returns whether any pair was used. mask (N, M) is 1 on the face and 0 off it."""
+    size = g.size
     memory = S.shape[0]
-    _flatten(g, free, count, q)
+    _flatten(g, mask, count, q)
+    m1, q1, t1 = mask.reshape(-1), q.reshape(-1), t.reshape(-1)
     gamma = -1.0
     for i in range(stored - 1, -1, -1):
         slot = (oldest + i) % memory
-        s, y = S[slot], Y[slot]
-        _flatten(y, free, count, t)
-        sy = 0.0
-        yy = 0.0
-        ss = 0.0
-        sq = 0.0
-        for k in range(N):
-            for j in range(M):
-                if free[k, j]:
-                    sy += s[k, j] * t[k, j]
-                    yy += t[k, j] * t[k, j]
-                    ss += s[k, j] * s[k, j]
-                    sq += s[k, j] * q[k, j]
+        s1 = S[slot].reshape(-1)
+        _flatten(Y[slot], mask, count, t)
+        sy = yy = ss = sq = 0.0
+        for j in range(size):  # t and q vanish off the face
+            sy += s1[j] * t1[j]
+            yy += t1[j] * t1[j]
+            ss += m1[j] * s1[j] * s1[j]
+            sq += s1[j] * q1[j]
         if not sy > CURVATURE * np.sqrt(ss * yy):
             curvature[i] = 0.0
             continue
@@ -88,37 +83,28 @@ def _two_loops(g, free, count, S, Y, oldest, stored, first_length, q, t, alpha, 
             gamma = sy / yy
         a = sq / sy
         alpha[i] = a
-        for k in range(N):
-            for j in range(M):
-                q[k, j] -= a * t[k, j]
+        for j in range(size):
+            q1[j] -= a * t1[j]
     used = gamma > 0.0
     if not used:
-        largest = 0.0
-        for k in range(N):
-            for j in range(M):
-                largest = max(largest, abs(q[k, j]))
+        largest = np.max(np.abs(q1))
         gamma = first_length / largest if largest > 0.0 else 1.0
-    for k in range(N):
-        for j in range(M):
-            q[k, j] *= gamma
+    for j in range(size):
+        q1[j] *= gamma
     for i in range(stored):
         if curvature[i] <= 0.0:
             continue
         slot = (oldest + i) % memory
-        s, y = S[slot], Y[slot]
+        y1 = Y[slot].reshape(-1)
         yd = 0.0
-        for k in range(N):
-            for j in range(M):
-                if free[k, j]:
-                    yd += y[k, j] * q[k, j]
+        for j in range(size):
+            yd += y1[j] * q1[j]
         b = alpha[i] - yd / curvature[i]
-        _flatten(s, free, count, t)
-        for k in range(N):
-            for j in range(M):
-                q[k, j] += b * t[k, j]
-    for k in range(N):
-        for j in range(M):
-            q[k, j] = -q[k, j]
+        _flatten(S[slot], mask, count, t)
+        for j in range(size):
+            q1[j] += b * t1[j]
+    for j in range(size):
+        q1[j] = -q1[j]
     return used
 
 
@@ -137,6 +123,7 @@ class FaceBFGS:
         self._S, self._Y = np.empty((memory, *shape)), np.empty((memory, *shape))
         self._q, self._t = np.empty(shape), np.empty(shape)
         self._free, self._count = np.empty(shape, dtype=np.bool_), np.empty(shape[0])
+        self._mask = np.empty(shape)
         self._alpha, self._curvature = np.empty(memory), np.empty(memory)
         self.reset()
 
@@ -167,7 +154,8 @@ class FaceBFGS:
         weights, gradient, upper : (N, M)
         """
         _face(weights, gradient, upper, self._free, self._count)
-        args = (gradient, self._free, self._count, self._S, self._Y, self._oldest, self._stored)
+        self._mask[:] = self._free
+        args = (gradient, self._mask, self._count, self._S, self._Y, self._oldest, self._stored)
         _two_loops(*args, self.first_length, self._q, self._t, self._alpha, self._curvature)
         if np.vdot(self._q, gradient) >= 0:
             _two_loops(*args[:6], 0, self.first_length, self._q, self._t, self._alpha, self._curvature)
