@@ -2,7 +2,8 @@
 
 Unknowns, R samples: x (R, n), center (R, n), spent energy rho (R,). The uncertainty of each sample is norm-bounded,
 w = D1 z, v = D2 z with |[D1; D2]| <= 1: drawn anew in every part of a slot, constant, or pushing x away from its center
-as hard as it may (the worst case, which depends on x and so on the time). Measurements are continuous here.
+as hard as it may (the worst case, which depends on x and so on the time). A fourth kind starts at the center and spends
+its whole energy on a push during one slot. Measurements are continuous here.
 """
 
 from __future__ import annotations
@@ -70,9 +71,14 @@ def sample_truths(
     direction = rng.normal(size=(count, n))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     radius = np.where(rng.uniform(size=count) < 0.5, 1.0, rng.uniform(size=count) ** (1 / n))
+    kind = np.arange(count) % 4
+    radius = np.where(kind == 3, 0.0, radius)
+    pushed = rng.integers(len(sequence), size=count)
+    push_along = rng.normal(size=(count, p))
+    push_along /= np.maximum(np.linalg.norm(push_along, axis=1, keepdims=True), 1e-300)
+    push_along *= np.sqrt(plant.level / np.diff(edges)[pushed])[:, None]
     x = plant.center + np.sqrt(plant.level) * (direction * radius[:, None]) @ root.T
     z = np.concatenate([x, np.tile(plant.center, (count, 1)), np.zeros((count, 1))], axis=1)
-    kind = np.arange(count) % 3
     widest = max(row.shape[0] for row in flow.rows) if flow.rows else 0
     delta = _draw(rng, count, p + widest, q)
     path = [z]
@@ -85,9 +91,9 @@ def sample_truths(
         if (k // 2) % max(1, steps // 4) == 0:
             fresh = _draw(rng, count, p + widest, q)
             delta = np.where((kind == 0)[:, None, None], fresh, delta)
-        m = row.shape[0]
+        m, blow = row.shape[0], np.where((pushed == k // (2 * steps))[:, None], push_along, 0.0)
 
-        def rate(s: int, z: np.ndarray, A=A, B=B, K=K, C=C, k=k, m=m, delta=delta) -> np.ndarray:
+        def rate(s: int, z: np.ndarray, A=A, B=B, K=K, C=C, k=k, m=m, delta=delta, blow=blow) -> np.ndarray:
             P, inv = along.shape[k + s], inverse[k + s]
             x, c = z[:, :n], z[:, n : 2 * n]
             unseen = x @ K[s].T
@@ -96,7 +102,8 @@ def sample_truths(
             push = (x - c) @ inv @ B[s]
             push *= (np.linalg.norm(unseen, axis=1) / np.maximum(np.linalg.norm(push, axis=1), 1e-300))[:, None]
             w = np.where((kind == 2)[:, None], push, w)
-            v = np.where((kind == 2)[:, None], 0.0, v)
+            w = np.where((kind == 3)[:, None], blow, w)
+            v = np.where((kind >= 2)[:, None], 0.0, v)
             y = x @ C[s].T + v
             miss, seen = c @ C[s].T - y, c @ K[s].T
             dc = c @ A[s].T + (seen @ K[s] - miss @ C[s]) @ P

@@ -205,9 +205,9 @@ def _states(problem: Any, solution: Solution) -> Figure:
             reached = np.max(np.abs((truths.states - truths.centers)[:, :, i]), axis=1)
             axes.plot(truths.times, reached, color=style.SECOND, linewidth=1.2, label=f"largest of {TRUTHS} truths")
         if i == 0:
-            axes.legend(loc="lower left", ncols=2)
+            axes.legend(loc="upper right", ncols=2)
         axes.set_ylabel(f"x{i + 1}")
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(0, 1.18 * float(np.max(half[:, i])))
         axes.grid(True)
         style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1], label=i >= n - columns)
     return figure
