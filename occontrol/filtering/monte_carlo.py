@@ -20,7 +20,7 @@ from occontrol.core.jump_plant import JumpPlant
 from occontrol.core.monitor import Monitor
 from occontrol.filtering.imm import sample_model, start
 from occontrol.filtering.imm_kernel import JumpModel, filter_runs
-from occontrol.filtering.jump_statistics import Outcomes, join, rms
+from occontrol.filtering.jump_statistics import Outcomes, join
 from occontrol.filtering.jump_truth import TrueRuns, Truth, simulate_truths
 
 MOST_THREADS = 8
@@ -142,7 +142,8 @@ def outcomes(experiment: Experiment, runs: Runs) -> Outcomes:
     apart = runs.estimates - runs.truths.states[:, 1:]
     squared = np.sum(apart[:, :, list(experiment.position)] ** 2, axis=2)
     wrong = np.argmax(runs.log_probabilities, axis=2) != runs.truths.modes[:, 1:]
-    return Outcomes(squared, wrong, runs.choices, nees(apart, runs.covariances).mean(axis=1), runs.excess, runs.error)
+    choices = runs.choices.astype(np.int16)
+    return Outcomes(squared, wrong, choices, nees(apart, runs.covariances).mean(axis=1), runs.excess, runs.error)
 
 
 def nees(apart: np.ndarray, covariances: np.ndarray) -> np.ndarray:
@@ -179,6 +180,7 @@ def monte_carlo(experiment: Experiment, runs: int, monitor: Monitor | None = Non
     models = experiment.models()
     first = run_some(experiment, models, [0])
     parts, done = [outcomes(experiment, first)], 1
+    total = parts[0].squared.sum(axis=0)
     workers = min(MOST_THREADS, _cores())
     size = max(1, FIRST_STEPS // experiment.steps)
 
@@ -190,12 +192,14 @@ def monte_carlo(experiment: Experiment, runs: int, monitor: Monitor | None = Non
             began = time.perf_counter()
             bounds = [min(runs, done + w * size) for w in range(workers + 1)]
             shares = [range(a, b) for a, b in itertools.pairwise(bounds) if b > a]
-            parts = [join([*parts, *pool.map(work, shares)])]
+            fresh = list(pool.map(work, shares))
+            parts += fresh
+            total = sum((part.squared.sum(axis=0) for part in fresh), total)
             done = bounds[-1]
             spent = max(time.perf_counter() - began, 1e-3)
             size = int(np.clip(size * ROUND_SECONDS / spent, 1, min(4 * size, _widest(experiment))))
-            monitor.report(done, float(np.mean(rms(parts[0].squared))), float("nan"), runs=runs)
-    return parts[0], first
+            monitor.report(done, float(np.mean(np.sqrt(total / done))), float("nan"), runs=runs)
+    return join(parts), first
 
 
 def _widest(experiment: Experiment) -> int:
