@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -53,7 +54,7 @@ def optimal(problem: Problem, method: Optimal, watch: Monitor) -> tuple[Selectio
     more: dict[str, Any] = {
         "lower_bound": min(found.lower_bound, cost_of(problem, selection)),
         "nodes": found.nodes,
-        "sequences": float(len(candidates.candidates)) ** problem.epochs,
+        "log10_sequences": problem.epochs * math.log10(len(candidates.candidates)),
         "candidates": len(candidates.candidates),
     }
     status, message = Status.CERTIFIED, "no sequence of choices is better"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import groupby
-from math import comb
+from math import comb, log10
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,7 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     if np.any(problem.scales != 1):
         lines.append(("scales", ", ".join(f"{s:g}" for s in problem.scales)))
     lines.append(("observability", _observability(problem)))
-    exponent = problem.epochs * np.log10(groups) if groups > 1 else 0.0
+    exponent = problem.epochs * log10(groups)
     lines.append(("sequences", f"{groups}^{problem.epochs} = 1e{exponent:.1f} (optimal cuts most of them)"))
     lines.append(("work", f"{problem.steps} filter steps of order {n}; about {_seconds(problem):.2g} s for a rule"))
     return lines
@@ -95,8 +95,8 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
         )
     if r.get("nodes") is not None:
         text = f"{r['nodes']} epochs walked"
-        if r.get("sequences"):
-            text += f" of {r['sequences']:.3g} sequences"
+        if r.get("log10_sequences") is not None:
+            text += f", 1e{r['log10_sequences']:.1f} sequences"
         lines.append(("search", text))
     lines += [
         ("sum of traces", f"{r['sum_trace']:.10g}"),
