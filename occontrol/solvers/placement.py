@@ -1,8 +1,9 @@
 """Where to put a movable sensor: the location that maximises a function of its information matrix, in a box.
 
-Unknown: the location p (d,). A grid of the box (with its corners) gives starts. The best few are refined, by ever finer
-grids on a line, by a bounded quasi-Newton method in more coordinates (SLSQP with constraints). The result is
-checked: it lies inside the box, is allowed, and is at least as good as every point that was looked at. Oshman (1994), remark 5.
+Unknown: the location p (d,). A grid of the box (with its corners) gives starts. The best few are refined, by ever
+finer grids on a line, by a bounded quasi-Newton method in more coordinates (SLSQP with constraints). The result is
+checked: it lies inside the box, is allowed, and is at least as good as every point that was looked at.
+Oshman (1994), remark 5.
 """
 
 from __future__ import annotations
