@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from occontrol.core.sensor import Sensor, SensorSuite, idle_sensor
     from occontrol.core.solution import Certificate, Solution, Status
     from occontrol.core.trajectory import Trajectory
+    from occontrol.core.uncertain_plant import UncertainPlant
+    from occontrol.families.robust_problem import SwitchingProblem
     from occontrol.families.vlambda_problem import SelectionProblem
     from occontrol.files.data_files import read_measurements, read_schedule
     from occontrol.files.export import export_run
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from occontrol.files.run_folder import read_run, write_run
     from occontrol.filtering.eigenfactor_online import OnlineSelector
     from occontrol.filtering.online import MatchedFilter
+    from occontrol.filtering.online_switching import OnlineSwitching
     from occontrol.library import certify, plot, run_filter, simulate, solve, tradeoff
     from occontrol.solvers.options import (
         BestSingle,
@@ -69,6 +72,9 @@ _HOME = {
     "core.sensor": ("Sensor", "SensorSuite", "idle_sensor"),
     "core.solution": ("Solution", "Certificate", "Status"),
     "core.trajectory": ("Trajectory",),
+    "core.uncertain_plant": ("UncertainPlant",),
+    "families.robust_problem": ("SwitchingProblem",),
+    "filtering.online_switching": ("OnlineSwitching",),
     "families.vlambda_problem": ("SelectionProblem",),
     "library": ("solve", "certify", "simulate", "run_filter", "tradeoff", "plot"),
     "filtering.online": ("MatchedFilter",),
@@ -107,6 +113,7 @@ __all__ = [
     "Monitor",
     "OccontrolError",
     "OnlineSelector",
+    "OnlineSwitching",
     "ProblemError",
     "Random",
     "Region",
@@ -121,7 +128,9 @@ __all__ = [
     "Solution",
     "SolveFailed",
     "Status",
+    "SwitchingProblem",
     "Trajectory",
+    "UncertainPlant",
     "UsageError",
     "certify",
     "export_run",

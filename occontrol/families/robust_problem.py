@@ -149,3 +149,6 @@ class Problem:
         from occontrol.numerics.scattering import Flow
 
         return Flow(self.plant.A, self.plant.B, self.plant.K)
+
+
+SwitchingProblem = Problem

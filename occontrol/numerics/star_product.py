@@ -9,10 +9,12 @@ Element = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def transpose(a: np.ndarray) -> np.ndarray:
+    """The matrices (..., n, n) transposed."""
     return np.swapaxes(a, -1, -2)
 
 
 def even(a: np.ndarray) -> np.ndarray:
+    """The symmetric part of matrices (..., n, n)."""
     return (a + transpose(a)) / 2
 
 
