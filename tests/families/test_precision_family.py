@@ -174,6 +174,7 @@ def test_infeasible_factor_is_in_the_users_terms(tmp_path):
     assert precision.solve(again).status is Status.CERTIFIED
 
 
+@pytest.mark.slow
 def test_solve_simulate_filter_and_compare(run, tmp_path):
     path = tmp_path / "p.yaml"
     path.write_text(BASE + "batches: 3\n", encoding="utf-8")

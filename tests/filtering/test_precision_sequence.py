@@ -28,6 +28,7 @@ def test_every_batch_keeps_the_bound(options):
         assert np.array_equal(measured, outcome.chosen.precisions > 0)
 
 
+@pytest.mark.slow
 def test_errors_and_innovations_have_the_promised_size():
     errors, innovations, expected, degrees = [], [], [], 0
     for seed in range(60):
