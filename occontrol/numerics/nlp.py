@@ -30,7 +30,10 @@ IPOPT_STATUS: dict[str, tuple[Status, str]] = {
     "User_Requested_Stop": (Status.LIMIT, "stopped at the time limit; raise time_limit"),
     "Search_Direction_Becomes_Too_Small": (Status.LIMIT, "Ipopt's steps became too small; use more intervals"),
     "Restoration_Failed": (Status.FAILED, "Ipopt could not restore feasibility; use more intervals"),
-    "Infeasible_Problem_Detected": (Status.FAILED, "Ipopt converged to a point that is not feasible; use more intervals"),
+    "Infeasible_Problem_Detected": (
+        Status.FAILED,
+        "Ipopt converged to a point that is not feasible; use more intervals",
+    ),
     "Diverging_Iterates": (Status.FAILED, "Ipopt's iterates diverge; scale the states"),
     "Invalid_Number_Detected": (Status.FAILED, "a function or derivative is not finite; scale the states"),
     "Error_In_Step_Computation": (Status.FAILED, "Ipopt could not compute a step; scale the states"),
@@ -47,6 +50,7 @@ class Program:
     variables, objective, constraints : CasADi expressions x (n,), f scalar, g (m,)
     lower, upper : (n,);  g_lower, g_upper : (m,)
     spell : from a row of g to words, for messages
+    unit : a typical size of f; Ipopt sees f/unit, everybody else f
     """
 
     variables: Any
@@ -57,6 +61,7 @@ class Program:
     g_lower: np.ndarray
     g_upper: np.ndarray
     spell: Callable[[int], str] = field(default=lambda row: f"constraint {row}")
+    unit: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -129,7 +134,7 @@ def solve_nlp(program: Program, start: np.ndarray, options: IpoptOptions, monito
     }
     if monitor.time_limit is not None:
         settings["ipopt.max_wall_time"] = max(monitor.time_limit - monitor.seconds, 0.01)
-    problem = {"x": program.variables, "f": program.objective, "g": program.constraints}
+    problem = {"x": program.variables, "f": program.objective / program.unit, "g": program.constraints}
     solver = casadi.nlpsol("solver", "ipopt", problem, settings)
     check_start(program, solver, start)
     bounds = {"lbx": program.lower, "ubx": program.upper, "lbg": program.g_lower, "ubg": program.g_upper}
@@ -211,6 +216,7 @@ def _watcher(program: Program, options: IpoptOptions, monitor: Monitor) -> Any:
         def accept(self, x: np.ndarray, g: np.ndarray, multipliers: np.ndarray, objective: float) -> None:
             if not (np.isfinite(objective) and np.all(np.isfinite(x)) and np.all(np.isfinite(g))):
                 return
+            objective *= program.unit
             over = [program.lower - x, x - program.upper, program.g_lower - g, g - program.g_upper]
             violation = max(float(np.max(part, initial=0.0)) for part in over)
             small = options.feasible
@@ -219,7 +225,7 @@ def _watcher(program: Program, options: IpoptOptions, monitor: Monitor) -> Any:
                 better = objective <= self.best[2] if max(before, violation) <= small else violation < before
                 if not better:
                     return
-            self.best = (x, multipliers, objective, violation)
+            self.best = (x, multipliers * program.unit, objective, violation)
 
     return Watcher()
 

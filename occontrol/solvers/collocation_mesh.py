@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -67,7 +68,7 @@ def simulate_mesh(
         inner = breaks[(breaks > a + slack) & (breaks < b - slack)]
         marks = _cut(data, path, np.concatenate([[a], inner, [b]]), weights[k], step, by_growth, covariance)
         first.append(len(starts))
-        for left, right in zip(marks[:-1], marks[1:], strict=True):
+        for left, right in itertools.pairwise(marks):
             starts.append(left)
             lengths.append(right - left)
             interval.append(k)

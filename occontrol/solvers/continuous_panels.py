@@ -141,7 +141,7 @@ class PolicyData:
         return self.problem.running.sample(times.ravel()).reshape(*times.shape, n, n) * (d * d[:, None])
 
     def room(self, panels: Panels) -> np.ndarray:
-        """(P, M) largest weights in continuous time: 1 inside the windows, `select` for idle; never below the policy's."""
+        """(P, M) largest weights in continuous time: 1 inside the windows, `select` for idle, or the policy's own."""
         middles = panels.starts + panels.lengths / 2
         room = np.ones((len(panels), len(self.problem.sensors)))
         for j, sensor in enumerate(self.problem.sensors):
@@ -171,7 +171,9 @@ class PolicyData:
                 good = (counts == 1) | (part.lengths < shortest)
                 finished.append(part[good])
                 unfinished.append(part[~good].divide(counts[~good]))
-            panels = Panels(*[np.concatenate([getattr(p, f) for p in unfinished]) for f in ("starts", "lengths", "interval")])
+            panels = Panels(
+                *[np.concatenate([getattr(p, f) for p in unfinished]) for f in ("starts", "lengths", "interval")]
+            )
         joined = Panels(*[np.concatenate([getattr(p, f) for p in finished]) for f in ("starts", "lengths", "interval")])
         return joined[np.argsort(joined.starts, kind="stable")]
 

@@ -6,6 +6,7 @@ the information matrix, whichever is less stiff there. Nothing is shared with th
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -38,7 +39,11 @@ class Data:
 
     def rates(self, times: np.ndarray) -> np.ndarray:
         """L_j at the times, (K, M, n, n)."""
-        return self._rates(times) if self._fixed is None else np.broadcast_to(self._fixed, (len(times), *self._fixed.shape))
+        return (
+            self._rates(times)
+            if self._fixed is None
+            else np.broadcast_to(self._fixed, (len(times), *self._fixed.shape))
+        )
 
     def information(self, t: float, weights: np.ndarray) -> np.ndarray:
         """L(v) at t."""
@@ -92,7 +97,7 @@ def terminal_weight(problem: SchedulingProblem) -> np.ndarray:
     if later > end:
         breaks = problem.plant.A.breakpoints
         points = np.unique([end, *breaks[(breaks > end) & (breaks < later)], later])
-        for a, b in zip(points[:-1], points[1:], strict=True):
+        for a, b in itertools.pairwise(points):
 
             def rate(t: float, y: np.ndarray, a: float = a, b: float = b) -> np.ndarray:
                 inside = min(max(t, a + 1e-13 * (b - a)), b - 1e-13 * (b - a))

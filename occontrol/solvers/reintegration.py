@@ -55,7 +55,7 @@ class ContinuousCheck:
 
 
 def reintegrate(problem: SchedulingProblem, schedule: Schedule, rtol: float = 1e-9) -> ContinuousCheck:
-    """Integrate covariance and costate along a policy, fractional or not, and bound the optimum from its switching functions.
+    """Integrate covariance and costate along a policy, fractional or not, and bound the optimum from what they say.
 
     J* >= J(v) - int [sum_j v_j s_j - min_{w in V(t)} sum_j w_j s_j] dt,   s_j = alpha q_j - tr(L_j Sigma P Sigma)
 
@@ -75,7 +75,7 @@ def reintegrate(problem: SchedulingProblem, schedule: Schedule, rtol: float = 1e
     ContinuousCheck
 
     Raises KeyError when the schedule lacks one of the problem's sensors.
-    Athans (1971), equations (3.12), (4.1)-(4.4), (5.3), (5.4), (5.12); the bound is the convexity of the relaxed problem.
+    Athans (1971), equations (3.12), (4.1)-(4.4), (5.3), (5.4), (5.12); the bound is the relaxed problem's convexity.
     """
     data = PolicyData.of(problem, schedule)
     output, later_noise = data.prediction(rtol)

@@ -54,7 +54,9 @@ def test_canonical_equations_are_the_papers(seed):
     for j, rate in enumerate(rates):
         gain = np.trace(rate @ S @ P @ S)
         switching = 0.7 * q[j] - gain  # (5.12)
-        assert abs(found["switching"][j, 0] - switching) <= 1e-14 * n * max(1.0, np.abs(rate).sum() * np.abs(S @ P @ S).max())
+        assert abs(found["switching"][j, 0] - switching) <= 1e-14 * n * max(
+            1.0, np.abs(rate).sum() * np.abs(S @ P @ S).max()
+        )
 
 
 def test_hamiltonian_is_constant_along_a_trajectory_of_constant_data():
@@ -73,7 +75,9 @@ def test_hamiltonian_is_constant_along_a_trajectory_of_constant_data():
     start = np.concatenate([data["covariance"].ravel(), data["costate"].ravel()])
     ends = solve_ivp(field, (0, 0.3), start, rtol=1e-11, atol=1e-12).y
     values = [
-        evaluate({**data, "covariance": y[:size].reshape(3, 3), "costate": y[size:].reshape(3, 3)}, C, theta)["hamiltonian"][0, 0]
+        evaluate({**data, "covariance": y[:size].reshape(3, 3), "costate": y[size:].reshape(3, 3)}, C, theta)[
+            "hamiltonian"
+        ][0, 0]
         for y in ends.T
     ]
     assert np.ptp(ends[0]) > 1e-2

@@ -62,9 +62,18 @@ def test_an_infeasible_program_is_failed():
     ("part", "words"),
     [
         ({"objective": lambda x: casadi.log(x[0])}, "the objective is nan at the start"),
-        ({"constraints": lambda x: casadi.vertcat(1 / (x[0] + 1.0) + 0 * x[1])}, "constraint 0 is not finite at the start"),
-        ({"constraints": lambda x: casadi.vertcat(casadi.sqrt(x[0] + 1.0))}, "the derivative of constraint 0 is not finite"),
-        ({"objective": lambda x: casadi.sqrt(x[0] + 1.0)}, "the derivative of the objective by variable 0 is not finite"),
+        (
+            {"constraints": lambda x: casadi.vertcat(1 / (x[0] + 1.0) + 0 * x[1])},
+            "constraint 0 is not finite at the start",
+        ),
+        (
+            {"constraints": lambda x: casadi.vertcat(casadi.sqrt(x[0] + 1.0))},
+            "the derivative of constraint 0 is not finite",
+        ),
+        (
+            {"objective": lambda x: casadi.sqrt(x[0] + 1.0)},
+            "the derivative of the objective by variable 0 is not finite",
+        ),
     ],
 )
 def test_what_is_not_finite_at_the_start_is_named(part, words):

@@ -29,7 +29,11 @@ def oscillator(**changes):
     given = {
         "name": "oscillator",
         "plant": LinearPlant([[0, 1], ["-(1+0.2*sin(t))", -0.4]], [[0, 0], [0, 0.5]], np.diag([5.0, 5.0])),
-        "sensors": [Sensor("range", [[1, 0]], [[0.1]], cost=0.6), Sensor("doppler", [[0, 1]], [[0.4]], cost="0.3+0.1*t"), idle_sensor(2)],
+        "sensors": [
+            Sensor("range", [[1, 0]], [[0.1]], cost=0.6),
+            Sensor("doppler", [[0, 1]], [[0.4]], cost="0.3+0.1*t"),
+            idle_sensor(2),
+        ],
         "edges": np.linspace(0, 3, 13),
         "output": [[1, 0]],
         "cost_weight": 0.1,
@@ -45,7 +49,8 @@ def check(problem, found):
 
 @pytest.mark.parametrize("scheme", ["radau", "legendre"])
 @pytest.mark.parametrize(
-    ("data", "switch", "best"), [((0.0, 1, 1, 1, 5, 1, 0.1), 3.340036, 1.2122712), ((0.5, 1, 1, 1, 3, 1, 0.2), 1.59131, 1.9753688)]
+    ("data", "switch", "best"),
+    [((0.0, 1, 1, 1, 5, 1, 0.1), 3.340036, 1.2122712), ((0.5, 1, 1, 1, 3, 1, 0.2), 1.59131, 1.9753688)],
 )
 def test_scalar_closed_form(data, switch, best, scheme):
     problem = scalar(data)
@@ -131,7 +136,9 @@ def test_windows_and_two_at_a_time():
 
 
 def test_nothing_to_choose():
-    one = SchedulingProblem("one", LinearPlant([[0.1]], [[1.0]], [[2.0]]), [Sensor("s", [[1.0]], [[1.0]])], [0.0, 1.0], [[1.0]])
+    one = SchedulingProblem(
+        "one", LinearPlant([[0.1]], [[1.0]], [[2.0]]), [Sensor("s", [[1.0]], [[1.0]])], [0.0, 1.0], [[1.0]]
+    )
     found = solve_collocation(one)
     assert found.weights.tolist() == [[1.0]]
     assert found.cost == pytest.approx(check(one, found).cost, rel=1e-5)
@@ -141,7 +148,11 @@ def test_nothing_to_choose():
 def test_stiff_and_singular_starts(prior, theta):
     problem = oscillator(
         plant=LinearPlant([[0, 1], [-1, -0.4]], [[0, 0], [0, 0.5]], prior * np.eye(2)),
-        sensors=[Sensor("range", [[1, 0]], [[theta]], cost=0.6), Sensor("mixed", [[0.6, 0.8]], [[2 * theta]], cost=0.3), idle_sensor(2)],
+        sensors=[
+            Sensor("range", [[1, 0]], [[theta]], cost=0.6),
+            Sensor("mixed", [[0.6, 0.8]], [[2 * theta]], cost=0.3),
+            idle_sensor(2),
+        ],
         edges=np.linspace(0, 3, 7),
         running=None,
     )

@@ -1,4 +1,6 @@
-"""The continuous re-integration against SciPy's integrators, closed forms, the algebraic Riccati equation, and itself."""
+"""The continuous re-integration against SciPy's integrators, closed forms and the algebraic Riccati equation."""
+
+import itertools
 
 import numpy as np
 import pytest
@@ -31,7 +33,9 @@ def judge(problem, schedule, rtol=1e-12):
 
     phi = np.eye(n)
     if later > end:
-        phi = solve_ivp(spread, (end, later), phi.ravel(), method="DOP853", rtol=rtol, atol=1e-13).y[:, -1].reshape(n, n)
+        phi = (
+            solve_ivp(spread, (end, later), phi.ravel(), method="DOP853", rtol=rtol, atol=1e-13).y[:, -1].reshape(n, n)
+        )
     D = problem.output.at(later) @ phi
     costs = lambda t: alpha * np.array([s.cost.at(t)[0, 0] for s in problem.sensors])  # noqa: E731
 
@@ -46,8 +50,10 @@ def judge(problem, schedule, rtol=1e-12):
     breaks = np.unique(np.clip(np.concatenate([schedule.edges, *inner]), t0, end))
     policy = lambda a, b: schedule.weights[np.searchsorted(schedule.edges, (a + b) / 2) - 1]  # noqa: E731
     y, pieces = np.concatenate([plant.covariance.ravel(), [0.0, 0.0]]), []
-    for a, b in zip(breaks[:-1], breaks[1:], strict=True):
-        piece = solve_ivp(forward, (a, b), y, method="DOP853", rtol=rtol, atol=1e-13, dense_output=True, args=(policy(a, b), a, b))
+    for a, b in itertools.pairwise(breaks):
+        piece = solve_ivp(
+            forward, (a, b), y, method="DOP853", rtol=rtol, atol=1e-13, dense_output=True, args=(policy(a, b), a, b)
+        )
         y = piece.y[:, -1]
         pieces.append((a, b, policy(a, b), piece.sol))
     cost = y[-1] + y[-2] + np.trace(D @ y[: n * n].reshape(n, n) @ D.T)
@@ -75,7 +81,7 @@ def judge(problem, schedule, rtol=1e-12):
 
         windows = [w for s in problem.sensors if s.windows for pair in s.windows for w in pair if a < w < b]
         grid = np.unique([*np.linspace(a, b, 9), *windows])
-        gap += sum(quad(integrand, c, d, epsabs=1e-11, epsrel=1e-10, limit=200)[0] for c, d in zip(grid[:-1], grid[1:], strict=True))
+        gap += sum(quad(integrand, c, d, epsabs=1e-11, epsrel=1e-10, limit=200)[0] for c, d in itertools.pairwise(grid))
     return cost, cost - gap, y[: n * n].reshape(n, n)
 
 
@@ -95,7 +101,11 @@ def oscillator(**changes):
     given = {
         "name": "oscillator",
         "plant": LinearPlant([[0, 1], [-1, -0.4]], [[0, 0], [0, 0.5]], np.diag([5.0, 5.0])),
-        "sensors": [Sensor("range", [[1, 0]], [[0.1]], cost=2.0), Sensor("doppler", [[0, 1]], [[0.4]], cost=0.5), idle_sensor(2)],
+        "sensors": [
+            Sensor("range", [[1, 0]], [[0.1]], cost=2.0),
+            Sensor("doppler", [[0, 1]], [[0.4]], cost=0.5),
+            idle_sensor(2),
+        ],
         "edges": np.linspace(0, 3, 7),
         "output": [[1, 0]],
         "cost_weight": 0.1,
@@ -117,7 +127,10 @@ def test_constant_data_against_an_explicit_integrator():
 def test_varying_data_running_cost_and_costs_of_time():
     problem = oscillator(
         plant=LinearPlant([[0, 1], ["-(1+0.2*sin(3*t))", -0.4]], [["0.1*exp(-t)", 0], [0, 0.5]], np.diag([5.0, 5.0])),
-        sensors=[Sensor("range", [["1+0.3*cos(t)", 0]], [["0.1+0.05*t"]], cost="1+sin(t)**2"), Sensor("both", np.eye(2), np.eye(2))],
+        sensors=[
+            Sensor("range", [["1+0.3*cos(t)", 0]], [["0.1+0.05*t"]], cost="1+sin(t)**2"),
+            Sensor("both", np.eye(2), np.eye(2)),
+        ],
         running=[["0.3*t", 0], [0, 0.2]],
         edges=np.array([0.0, 0.4, 1.1, 2.0, 3.0]),
         predict_at=3.5,
@@ -127,9 +140,13 @@ def test_varying_data_running_cost_and_costs_of_time():
 
 
 def test_tables_with_jumps_and_windows_off_the_grid():
-    table = TableSignal(np.array([0.0, 0.7, 1.9, 3.0]), np.array([[[0, 1], [-a, -0.4]] for a in (1, 3, 0.5, 2)]), "previous")
+    table = TableSignal(
+        np.array([0.0, 0.7, 1.9, 3.0]), np.array([[[0, 1], [-a, -0.4]] for a in (1, 3, 0.5, 2)]), "previous"
+    )
     problem = oscillator(
-        plant=LinearPlant(table, TableSignal(np.array([0.0, 1.3, 3.0]), np.array([np.eye(2) * a for a in (0.1, 1, 0.2)])), np.eye(2)),
+        plant=LinearPlant(
+            table, TableSignal(np.array([0.0, 1.3, 3.0]), np.array([np.eye(2) * a for a in (0.1, 1, 0.2)])), np.eye(2)
+        ),
         sensors=[
             Sensor("range", [[1, 0]], [[0.1]], cost=0.3, windows=[(0.0, 1.25), (1.9, 3.0)]),
             Sensor("doppler", [[0, 1]], [[0.4]], cost=0.2),
@@ -143,7 +160,10 @@ def test_tables_with_jumps_and_windows_off_the_grid():
     # what the window allows beyond the grid counts: closing it to the grid can only raise the bound
     closed = oscillator(
         plant=problem.plant,
-        sensors=[Sensor("range", [[1, 0]], [[0.1]], cost=0.3, windows=[(0.0, 1.0), (2.0, 3.0)]), *list(problem.sensors)[1:]],
+        sensors=[
+            Sensor("range", [[1, 0]], [[0.1]], cost=0.3, windows=[(0.0, 1.0), (2.0, 3.0)]),
+            *list(problem.sensors)[1:],
+        ],
         edges=problem.edges,
     )
     assert reintegrate(closed, schedule).lower_bound > windowed.lower_bound + 1e-6
@@ -157,7 +177,8 @@ def test_two_of_three_sensors():
 
 
 @pytest.mark.parametrize(
-    ("data", "switch", "best"), [((0.0, 1, 1, 1, 5, 1, 0.1), 3.340036, 1.2122712), ((0.5, 1, 1, 1, 3, 1, 0.2), 1.59131, 1.9753688)]
+    ("data", "switch", "best"),
+    [((0.0, 1, 1, 1, 5, 1, 0.1), 3.340036, 1.2122712), ((0.5, 1, 1, 1, 3, 1, 0.2), 1.59131, 1.9753688)],
 )
 def test_scalar_closed_form(data, switch, best):
     a, noise, rate, start, end, weight, price = data
@@ -190,14 +211,16 @@ def test_long_horizon_reaches_the_algebraic_riccati_equation():
     rng = np.random.default_rng(2)
     A, C = rng.normal(size=(4, 4)), rng.normal(size=(2, 4))
     noise, theta = np.eye(4), np.diag([0.3, 2.0])
-    problem = SchedulingProblem("care", LinearPlant(A, noise, 9 * np.eye(4)), [Sensor("s", C, theta)], np.linspace(0, 40, 5), np.eye(4))
+    problem = SchedulingProblem(
+        "care", LinearPlant(A, noise, 9 * np.eye(4)), [Sensor("s", C, theta)], np.linspace(0, 40, 5), np.eye(4)
+    )
     last = reintegrate(problem, constant_schedule(problem.edges, ["s"], [1.0])).covariance_at_edges[-1]
     np.testing.assert_allclose(last, solve_continuous_are(A.T, C.T, noise, theta), rtol=1e-9)
     np.testing.assert_allclose(last, control.lqe(A, np.eye(4), C, noise, theta)[1], rtol=1e-8)
 
 
 def test_large_prior_and_sharp_sensor():
-    """Sigma0 = 1e6 I, Theta = 1e-3, with a running cost: SciPy's implicit integrator on the information matrix agrees."""
+    """Sigma0 = 1e6 I, Theta = 1e-3, with a running cost, against SciPy's Radau on the information matrix."""
     A = np.array([[0.2, 1.0], [-1.0, 0.1]])
     C = np.array([[0.6, 0.8]])
     R = 0.3 * np.eye(2)
@@ -226,7 +249,7 @@ def test_large_prior_and_sharp_sensor():
 
 
 def test_bound_with_large_prior_is_the_derivative_of_the_cost():
-    """s_idle = 0, so int_k s_j dt is the derivative of the cost when sensor j takes idle's share on interval k."""
+    """s_idle = 0: int_k s_j dt is the derivative of the cost when sensor j takes idle's share on interval k."""
     problem = SchedulingProblem(
         "stiff",
         LinearPlant([[0.0, 1.0], [0.0, 0.0]], np.diag([0.0, 0.1]), 1e6 * np.eye(2)),
@@ -276,8 +299,12 @@ def test_unstable_plant_without_measurement_grows_as_the_lyapunov_equation():
 def test_noise_after_the_end_is_predicted():
     problem = oscillator(predict_at=5.0)
     found = reintegrate(problem, fractions(problem))
-    after = oscillator(plant=LinearPlant([[0, 1], [-1, -0.4]], [[0, 0], [0, 0.5]], np.zeros((2, 2))), edges=np.array([0.0, 2.0]))
-    drift = reintegrate(after, constant_schedule(after.edges, ["range", "doppler", "idle"], [0, 0, 1.0])).prediction_error
+    after = oscillator(
+        plant=LinearPlant([[0, 1], [-1, -0.4]], [[0, 0], [0, 0.5]], np.zeros((2, 2))), edges=np.array([0.0, 2.0])
+    )
+    drift = reintegrate(
+        after, constant_schedule(after.edges, ["range", "doppler", "idle"], [0, 0, 1.0])
+    ).prediction_error
     assert found.predicted_mean_square_error - found.prediction_error == pytest.approx(drift, rel=1e-9)
 
 
@@ -292,9 +319,14 @@ def test_unbalanced_units_do_not_matter():
     units = np.array([1e4, 1e-5])
     problem = oscillator()
     plant = LinearPlant(
-        problem.plant.A.at(0) * units[:, None] / units, problem.plant.noise.at(0) * np.outer(units, units), 5 * np.diag(units**2)
+        problem.plant.A.at(0) * units[:, None] / units,
+        problem.plant.noise.at(0) * np.outer(units, units),
+        5 * np.diag(units**2),
     )
-    sensors = [Sensor("range", [[1 / units[0], 0]], [[0.1]], cost=2.0), Sensor("doppler", [[0, 1 / units[1]]], [[0.4]], cost=0.5)]
+    sensors = [
+        Sensor("range", [[1 / units[0], 0]], [[0.1]], cost=2.0),
+        Sensor("doppler", [[0, 1 / units[1]]], [[0.4]], cost=0.5),
+    ]
     other = oscillator(plant=plant, sensors=[*sensors, idle_sensor(2)], output=[[1 / units[0], 0]])
     one, two = reintegrate(problem, fractions(problem)), reintegrate(other, fractions(other))
     assert two.cost == pytest.approx(one.cost, rel=1e-9)
@@ -308,8 +340,12 @@ def test_thirty_states_four_hundred_intervals():
     rng = np.random.default_rng(0)
     n, M, N = 30, 20, 400
     A = rng.normal(size=(n, n)) / np.sqrt(n) - 0.3 * np.eye(n)
-    sensors = [Sensor(f"s{j}", rng.normal(size=(1 + j % 2, n)), np.eye(1 + j % 2) * 0.1, cost=rng.random()) for j in range(M)]
-    problem = SchedulingProblem("big", LinearPlant(A, 0.5 * np.eye(n), 250 * np.eye(n)), sensors, np.linspace(0, 10, N + 1), np.eye(n)[:2])
+    sensors = [
+        Sensor(f"s{j}", rng.normal(size=(1 + j % 2, n)), np.eye(1 + j % 2) * 0.1, cost=rng.random()) for j in range(M)
+    ]
+    problem = SchedulingProblem(
+        "big", LinearPlant(A, 0.5 * np.eye(n), 250 * np.eye(n)), sensors, np.linspace(0, 10, N + 1), np.eye(n)[:2]
+    )
     started = time.perf_counter()
     found = reintegrate(problem, fractions(problem))
     assert time.perf_counter() - started < 60
