@@ -254,4 +254,4 @@ def orthant_probability(mean: np.ndarray, covariance: np.ndarray, tolerance: flo
         value, off = _plane(threshold, factor, last)
     else:
         value, off = _lattice(threshold, factor, last, rank, tolerance)
-    return min(max(value, 0.0), 1.0), error + off
+    return min(max(value, 0.0), 1.0), error + off  # type: ignore[return-value]

@@ -177,7 +177,7 @@ class Problem:
         """
         by_name = {"+".join(group): group for group in self.groups or ()}
         if name in by_name:
-            return by_name[name]
+            return tuple(by_name[name])
         if name in self.sensors.names:
             return (name,)
         known = [*self.sensors.names, *(label for label in by_name if label not in self.sensors.names)]

@@ -16,7 +16,7 @@ from occontrol.core.jump_plant import JumpPlant
 from occontrol.equations.jump import correct, match_moments, predict_measurement, weigh_modes
 from occontrol.filtering.imm_kernel import JumpModel, predict_step
 
-GUARD_TOLERANCE = 1e-4
+GUARD_TOLERANCE = 5e-4
 
 
 def sample_signals(signals: Sequence[Any], steps: int) -> np.ndarray:

@@ -180,7 +180,8 @@ def score_groups(
     -------
     (groups,)
     """
-    scratch = make_scratch(*means.shape, model.C.shape[2], len(model.rows))
+    modes, states = means.shape
+    scratch = make_scratch(modes, states, model.C.shape[2], len(model.rows))
     _score(model, k, means, covariances, log_predicted, bound_weight, position_weight, scratch)
     return scratch.scores
 
