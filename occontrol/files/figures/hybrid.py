@@ -220,9 +220,8 @@ def modes_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     edges = np.arange(problem.steps + 2.0) - 0.5
     axes.pcolormesh(edges, np.arange(len(names) + 1) - 0.5, chances.T, cmap="Blues", vmin=0, vmax=1)
     axes.step(np.arange(problem.steps + 1), truth, where="mid", color=style.SECOND, linewidth=1.3)
-    axes.set_yticks(range(len(names)), [style.shorten(name, 14) for name in names])
-    if len(names) > 10:
-        axes.tick_params(axis="y", labelsize=8)
+    gap = -(-len(names) // 10)  # room for ten names
+    axes.set_yticks(range(0, len(names), gap), [style.shorten(name, 14) for name in names[::gap]])
     axes.invert_yaxis()
     axes.tick_params(axis="y", length=0)
     style.tidy_time_axis(axes, 0, problem.steps)
