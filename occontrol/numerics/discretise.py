@@ -18,6 +18,8 @@ from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import ConstantSignal
 from occontrol.numerics.transition import transitions, unique_spans
 
+NEGLIGIBLE = 1e-100
+
 
 @dataclass(frozen=True, eq=False)
 class Recursion:
@@ -112,7 +114,11 @@ def _merge(halves: HalfPredicts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     a, b = pairs.T
     merged = F[b] @ F[a]
     noise = F[b] @ Q[a] @ np.swapaxes(F[b], 1, 2) + Q[b]
-    return merged, (noise + np.swapaxes(noise, 1, 2)) / 2, which.ravel().astype(np.int64)
+    noise = (noise + np.swapaxes(noise, 1, 2)) / 2
+    # long chains couple their ends by entries whose products fall below the normal numbers, which are slow
+    for matrices in (merged, noise):
+        matrices[np.abs(matrices) < NEGLIGIBLE * np.max(np.abs(matrices), axis=(1, 2), keepdims=True)] = 0.0
+    return merged, noise, which.ravel().astype(np.int64)
 
 
 def scaled_rows(sensors: SensorSuite, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
