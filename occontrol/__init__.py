@@ -23,8 +23,13 @@ if TYPE_CHECKING:
         SolveFailed,
         UsageError,
     )
+    from occontrol.core.guard import Guard, Threshold
+    from occontrol.core.jump_plant import JumpPlant, Mode
+    from occontrol.core.jump_sensor import JumpSensor
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.monitor import Monitor
+    from occontrol.core.nonlinear_measurement import NonlinearMeasurement
+    from occontrol.core.nonlinear_plant import NonlinearPlant
     from occontrol.core.plant import DiscretePlant, LinearPlant
     from occontrol.core.schedule import Schedule
     from occontrol.core.scheduling import SchedulingProblem
@@ -39,8 +44,10 @@ if TYPE_CHECKING:
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import read_run, write_run
     from occontrol.filtering.eigenfactor_online import OnlineSelector
+    from occontrol.filtering.ensemble import EnsembleFilter
     from occontrol.filtering.online import MatchedFilter
     from occontrol.filtering.online_switching import OnlineSwitching
+    from occontrol.filtering.unscented import UnscentedFilter
     from occontrol.library import certify, plot, run_filter, simulate, solve, tradeoff
     from occontrol.solvers.options import (
         BestSingle,
@@ -73,6 +80,13 @@ _HOME = {
     "core.solution": ("Solution", "Certificate", "Status"),
     "core.trajectory": ("Trajectory",),
     "core.uncertain_plant": ("UncertainPlant",),
+    "core.jump_plant": ("JumpPlant", "Mode"),
+    "core.jump_sensor": ("JumpSensor",),
+    "core.guard": ("Guard", "Threshold"),
+    "core.nonlinear_plant": ("NonlinearPlant",),
+    "core.nonlinear_measurement": ("NonlinearMeasurement",),
+    "filtering.ensemble": ("EnsembleFilter",),
+    "filtering.unscented": ("UnscentedFilter",),
     "families.robust_problem": ("SwitchingProblem",),
     "filtering.online_switching": ("OnlineSwitching",),
     "families.vlambda_problem": ("SelectionProblem",),
@@ -102,15 +116,22 @@ __all__ = [
     "Collocation",
     "DiscretePlant",
     "DiscreteSensor",
+    "EnsembleFilter",
     "Estimate",
     "FileAccessError",
     "Greedy",
+    "Guard",
     "HMinimal",
     "InfeasibleError",
+    "JumpPlant",
+    "JumpSensor",
     "LinearPlant",
     "MatchedFilter",
     "Measurement",
+    "Mode",
     "Monitor",
+    "NonlinearMeasurement",
+    "NonlinearPlant",
     "OccontrolError",
     "OnlineSelector",
     "OnlineSwitching",
@@ -129,8 +150,10 @@ __all__ = [
     "SolveFailed",
     "Status",
     "SwitchingProblem",
+    "Threshold",
     "Trajectory",
     "UncertainPlant",
+    "UnscentedFilter",
     "UsageError",
     "certify",
     "export_run",
