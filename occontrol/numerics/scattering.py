@@ -36,12 +36,24 @@ __all__ = ["Element", "Flow", "advance", "compose_exists", "identity", "retreat"
 TOLERANCE = 2e-14
 SHORT = 0.5  # |H| h of a span on which no escape from P = 0 is possible
 MAX_PIECES = 200_000
+INNER = np.array([0.5 - np.sqrt(15) / 10, 0.5, 0.5 + np.sqrt(15) / 10])  # where a step looks
 KINK = 1e-3  # relative jump at an end of a step that counts as one
 
 
 def _block(A: np.ndarray, W: np.ndarray, S: np.ndarray) -> np.ndarray:
     top = np.concatenate([A, W], axis=-1)
     return np.concatenate([top, np.concatenate([-S, -transpose(A)], axis=-1)], axis=-2)
+
+
+def magnus_step(H: np.ndarray) -> np.ndarray:
+    """Transfer matrices of sixth order from h times the Hamiltonian matrices at the INNER points, (K, 3, 2n, 2n)."""
+    first, second, third = H[:, 0], H[:, 1], H[:, 2]
+    a1, a2, a3 = second, np.sqrt(15) / 3 * (third - first), 10 / 3 * (third - 2 * second + first)
+    c1 = a1 @ a2 - a2 @ a1
+    inner = 2 * a3 + c1
+    c2 = -(a1 @ inner - inner @ a1) / 60
+    x, y = -20 * a1 - a3 + c1, a2 + c2
+    return exponential(a1 + a3 / 12 + (x @ y - y @ x) / 240)
 
 
 def _size(a: np.ndarray) -> float:
@@ -72,13 +84,13 @@ class Flow:
         self.cuts = np.unique(np.concatenate([np.empty(0), *(s.breakpoints for s in signals)]))
         if self.constant:
             self._parts = self._sample(np.zeros(1))
-        self._scale = self._balance()
+        self.scale = self._balance()
         self.kinks: set[float] = set()
 
     @property
     def rate(self) -> float:
         """The size of the plant's scaled Hamiltonian (of a constant plant): 1/rate is its fastest time."""
-        return float(max(self._exponents(np.zeros(1), np.zeros((1, len(self.rows))))[1][0], 1e-300))
+        return float(max(self.exponents(np.zeros(1), np.zeros((1, len(self.rows))))[1][0], 1e-300))
 
     def scaled(self, factor: float) -> Flow:
         """The same with K multiplied by a factor."""
@@ -97,10 +109,10 @@ class Flow:
         w, k = _size(W), _size(KK)
         return float((k / w) ** 0.25) if w > 0 and k > 0 and np.isfinite(k / w) else 1.0
 
-    def _exponents(self, times: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def exponents(self, times: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Scaled Hamiltonian matrices (T, 2n, 2n) and the size of their parts (T,); weights (T, M)."""
         A, W, KK, L = self._parts if self.constant else self._sample(times)
-        s2 = self._scale**2
+        s2 = self.scale**2
         S = (KK - np.einsum("tm,tmij->tij", weights, np.broadcast_to(L, (len(times), *L.shape[1:])))) / s2
         A, W = np.broadcast_to(A, S.shape), np.broadcast_to(W, S.shape) * s2
         size = sum(np.sum(np.abs(m), axis=(1, 2)) for m in (A, W, S, np.broadcast_to(KK, S.shape) / s2))
@@ -124,7 +136,7 @@ class Flow:
 
     def _spans(self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray, exists: np.ndarray | None) -> Element:
         F, Q, R = (self._constant if self.constant else self._varying)(starts, ends, weights, exists)
-        return F, Q / self._scale**2, R * self._scale**2
+        return F, Q / self.scale**2, R * self.scale**2
 
     def element(self, start: float, end: float, sensor: int | None = None) -> Element:
         """The element of one span with one sensor, or with none."""
@@ -135,7 +147,7 @@ class Flow:
         return F[0], Q[0], R[0]
 
     def _constant(self, starts, ends, weights: np.ndarray, exists: np.ndarray | None) -> Element:
-        H, size = self._exponents(starts, weights)
+        H, size = self.exponents(starts, weights)
         h = ends - starts
         doublings = max(0, int(np.ceil(np.log2(max(float(np.max(size * h)) / SHORT, 1e-300)))))
         element = from_transfer(exponential(H * (h / 2.0**doublings)[:, None, None]))
@@ -144,6 +156,11 @@ class Flow:
         return element
 
     def _varying(self, starts, ends, weights: np.ndarray, exists: np.ndarray | None) -> Element:
+        M, _, _, owner = self.partition(starts, ends, weights)
+        return self.reduce(from_transfer(M), owner, len(starts), exists)
+
+    def partition(self, starts, ends, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Transfer matrix (K, 2n, 2n), start, length and span of every step that is short enough, in order."""
         a, b, owner = self._initial_pieces(starts, ends, weights)
         done: list[tuple[np.ndarray, ...]] = []
         total = 0
@@ -161,7 +178,7 @@ class Flow:
                 k = int(np.argmin(np.isfinite(error)))
                 raise SolveFailed(f"the plant is not finite between t = {a[k]:.8g} and {b[k]:.8g}")
             for m, x in ((left, a), (right, middle)):
-                done.append((m[good], x[good], owner[good]))
+                done.append((m[good], x[good], (b - a)[good] / 2, owner[good]))
             total += 2 * int(np.sum(good))
             a, b, owner = (
                 np.concatenate(p) for p in ((a[~good], middle[~good]), (middle[~good], b[~good]), (owner[~good],) * 2)
@@ -171,9 +188,9 @@ class Flow:
                     f"the plant cannot be integrated near t = {a[0]:g} in {MAX_PIECES} steps\n"
                     "  hint: A, B, K or C changes too fast there; use a table with a time at each jump"
                 )
-        M, x, who = (np.concatenate(p) for p in zip(*done, strict=True))
+        M, x, length, who = (np.concatenate(p) for p in zip(*done, strict=True))
         order = np.lexsort((x, who))
-        return self._reduce(from_transfer(M[order]), who[order], len(starts), exists)
+        return M[order], x[order], length[order], who[order]
 
     def _initial_pieces(self, starts, ends, weights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Spans cut at the tables' times and so short that no piece can hold an escape from P = 0."""
@@ -188,7 +205,7 @@ class Flow:
         while True:
             share = np.linspace(0.02, 0.98, 7)
             times = (a[:, None] + (b - a)[:, None] * share).ravel()
-            size = self._exponents(times, np.repeat(np.abs(weights[owner]), len(share), axis=0))[1].reshape(len(a), -1)
+            size = self.exponents(times, np.repeat(np.abs(weights[owner]), len(share), axis=0))[1].reshape(len(a), -1)
             if not np.all(np.isfinite(size)):
                 k = int(np.argmin(np.all(np.isfinite(size), axis=1)))
                 raise SolveFailed(f"the plant is not finite between t = {a[k]:.8g} and {b[k]:.8g}")
@@ -212,7 +229,7 @@ class Flow:
         root = np.sqrt(0.15)
         x = np.array([-0.5 + 1e-9, -root, 0.0, root, 0.5 - 1e-9])
         times = ((a + b)[:, None] / 2 + (b - a)[:, None] * x).ravel()
-        H = self._exponents(times, np.repeat(weights, 5, axis=0))[0].reshape(len(a), 5, -1)
+        H = self.exponents(times, np.repeat(weights, 5, axis=0))[0].reshape(len(a), 5, -1)
         rise, bend = (H[:, 3] - H[:, 1]) / (2 * root), (H[:, 3] - 2 * H[:, 2] + H[:, 1]) / (2 * root**2)
         allowed = KINK * (1e-300 + np.max(np.abs(H), axis=(1, 2)))
         fits = [np.max(np.abs(H[:, 2] + rise * x[i] + bend * x[i] ** 2 - H[:, i]), axis=1) <= allowed for i in (0, 4)]
@@ -221,19 +238,12 @@ class Flow:
     def _magnus(self, a: np.ndarray, b: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """One sixth-order step of the Hamiltonian system over each [a, b]."""
         h = b - a
-        offsets = np.array([0.5 - np.sqrt(15) / 10, 0.5, 0.5 + np.sqrt(15) / 10])
-        times = (a[:, None] + h[:, None] * offsets).ravel()
-        H = self._exponents(times, np.repeat(weights, 3, axis=0))[0]
+        times = (a[:, None] + h[:, None] * INNER).ravel()
+        H = self.exponents(times, np.repeat(weights, 3, axis=0))[0]
         H = H.reshape(len(a), 3, 2 * self.n, 2 * self.n) * h[:, None, None, None]
-        first, second, third = H[:, 0], H[:, 1], H[:, 2]
-        a1, a2, a3 = second, np.sqrt(15) / 3 * (third - first), 10 / 3 * (third - 2 * second + first)
-        c1 = a1 @ a2 - a2 @ a1
-        inner = 2 * a3 + c1
-        c2 = -(a1 @ inner - inner @ a1) / 60
-        x, y = -20 * a1 - a3 + c1, a2 + c2
-        return exponential(a1 + a3 / 12 + (x @ y - y @ x) / 240)
+        return magnus_step(H)
 
-    def _reduce(self, pieces: Element, owner: np.ndarray, count: int, exists: np.ndarray | None) -> Element:
+    def reduce(self, pieces: Element, owner: np.ndarray, count: int, exists: np.ndarray | None) -> Element:
         """The star product of every owner's pieces, in pairs."""
         sizes = np.bincount(owner, minlength=count)
         width = 1 << max(0, int(np.max(sizes) - 1).bit_length())

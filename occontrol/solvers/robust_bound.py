@@ -42,13 +42,13 @@ class Plane:
 
 def mixed_elements(slots: Slots, weights: np.ndarray, first: int = 0) -> Element:
     """Elements (N, M, n, n), complex: their real part is slot k under shares v_k, the imaginary one STEP d/dv_kj."""
-    N, M = slots.count - first, slots.sensors
+    M, free = slots.sensors, slots.free
     directions = weights[first:, None, :] + 1j * STEP * np.eye(M)
-    edges, free = slots.edges, slots.free
-    starts, ends = np.repeat(edges[first:-1], M), np.repeat(edges[first + 1 :], M)
-    game = slots.flow.elements(starts, ends, directions.reshape(N * M, M))
-    parts = ordinary_elements(game, np.repeat(free[first:-1], M, axis=0), np.repeat(free[first + 1 :], M, axis=0))
-    return tuple(part.reshape(N, M, *part.shape[-2:]) for part in parts)  # type: ignore[return-value]
+    found = []
+    for j in range(M):
+        game = slots.spans.elements(np.ascontiguousarray(directions[:, j]), first)
+        found.append(ordinary_elements(game, free[first:-1], free[first + 1 :]))
+    return tuple(np.stack(parts, axis=1) for parts in zip(*found, strict=True))  # type: ignore[return-value]
 
 
 @dataclass
@@ -222,7 +222,7 @@ def relaxed_policy(slots: Slots, gap: float = 1e-5, monitor: Monitor | None = No
     best = _better(slots, v, np.inf, None)
     for power in (16.0, 128.0) if slots.size.has_kink else (np.inf,):
         sweep = ExactSweep(slots, slots.start, power=power)
-        v = minimise_relaxed(sweep, v, RelaxedOptions(gap, 120), watch).weights
+        v = minimise_relaxed(sweep, v, RelaxedOptions(gap, slots.spans.affordable(120)), watch).weights
         best = _better(slots, v, power, best)
     return best
 

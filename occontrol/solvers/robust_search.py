@@ -256,7 +256,7 @@ def _refine(slots: Slots, layer: _Layer, weights: np.ndarray, edge: int, monitor
     start = layer.ordinary[int(np.argmin(layer.bound))]
     sweep = ExactSweep(slots, start, edge)
     watch = Monitor(time_limit=monitor.time_limit, started=monitor.started)
-    outcome = minimise_relaxed(sweep, weights[edge:], RelaxedOptions(1e-4, 20), watch)
+    outcome = minimise_relaxed(sweep, weights[edge:], RelaxedOptions(1e-4, slots.spans.affordable(20)), watch)
     policy = np.concatenate([np.zeros((edge, slots.sensors)), outcome.weights])
     power = sweep.power if slots.size.has_kink else np.inf
     return plane_of(slots, policy, walk(slots, policy, start, edge, power), edge)

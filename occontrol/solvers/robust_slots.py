@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from occontrol.equations.ellipsoid_size import Size
 from occontrol.equations.game import center_weight, from_ordinary, ordinary_elements, ordinary_start
 from occontrol.numerics.escape import free_weights, smallest
+from occontrol.numerics.prepared_spans import PreparedSpans
 from occontrol.numerics.scattering import Element, Flow, advance
 
 
@@ -39,6 +41,11 @@ class Slots:
     element: Element
     size: Size
     level: float
+
+    @cached_property
+    def spans(self) -> PreparedSpans:
+        """The slots, ready to be walked with many mixtures of sensors."""
+        return PreparedSpans(self.flow, self.edges[:-1], self.edges[1:])
 
     @property
     def count(self) -> int:

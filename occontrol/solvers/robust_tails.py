@@ -57,7 +57,11 @@ def branch_on_tails(
     tails = [Tail((), weights, (plane,), bound)]
     for depth in range(1, min(DEEPEST, slots.count - 1) + 1):
         least = min(tail.bound for tail in tails)
-        if cost - least <= target * abs(cost) or len(tails) * slots.sensors > MOST or monitor.stop:
+        if (
+            cost - least <= target * abs(cost)
+            or len(tails) * slots.sensors > slots.spans.affordable(MOST)
+            or monitor.stop
+        ):
             break
         children = [_child(slots, tail, sensor, depth, monitor) for tail in tails for sensor in range(slots.sensors)]
         left = [child for child in children if child.bound < cost]
@@ -79,7 +83,7 @@ def _child(slots: Slots, parent: Tail, sensor: int, depth: int, monitor: Monitor
     weights[slot] = upper[slot]
     sweep = ExactSweep(slots, slots.start, upper=upper)
     watch = Monitor(time_limit=monitor.time_limit, started=monitor.started)
-    weights = minimise_relaxed(sweep, weights, RelaxedOptions(1e-4, STEPS), watch).weights
+    weights = minimise_relaxed(sweep, weights, RelaxedOptions(1e-4, slots.spans.affordable(STEPS)), watch).weights
     power = sweep.power if slots.size.has_kink else np.inf
     plane = plane_of(slots, weights, walk(slots, weights, slots.start, power=power), upper=upper)
     # the parent's planes hold for every longer tail
