@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from occontrol.numerics.sweep import Sweep
-from occontrol.numerics.vectors import OPTIONS
+from occontrol.numerics.vectors import OPTIONS, copy
 
 
 @njit(**OPTIONS)
@@ -59,7 +59,9 @@ def _best_exchanges(F, predict, rows, row_set, offsets, steps, v, upper, cost, s
     Y = np.empty((R, n))
     for k in range(N - 1, -1, -1):
         c, h = rows[row_set[k]], steps[k]
-        plus[:, :] = store[k, :, :n]
+        for i in range(n):
+            for m in range(n):
+                plus[i, m] = store[k, i, m]
         np.dot(plus, adjoint, T)
         np.dot(T, plus, S)
         for i in range(n):
@@ -99,7 +101,7 @@ def _best_exchanges(F, predict, rows, row_set, offsets, steps, v, upper, cost, s
                             s += plus[i, m] * c[r, m]
                         Y[r, i] = s
         # T = Lam K, then K'T + C~' (I - C~ S+ C~') C~, which equals the innovation term
-        T[:, :] = adjoint
+        copy(adjoint.reshape(-1), 0, T.reshape(-1), 0, n * n)
         for j in range(M):
             w = h * v[k, j]
             if w > 0.0:
@@ -110,7 +112,7 @@ def _best_exchanges(F, predict, rows, row_set, offsets, steps, v, upper, cost, s
                             s += adjoint[i, m] * Y[r, m]
                         for m in range(n):
                             T[i, m] -= w * s * c[r, m]
-        adjoint[:, :] = T
+        copy(T.reshape(-1), 0, adjoint.reshape(-1), 0, n * n)
         for j in range(M):
             w = h * v[k, j]
             if w > 0.0:

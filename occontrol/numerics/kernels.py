@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from occontrol.numerics.vectors import OPTIONS, WIDTH, axpy, load, product, scalar, store, summed, times, zero
+from occontrol.numerics.vectors import OPTIONS, WIDTH, axpy, copy, load, product, scalar, store, summed, times, zero
 
 CANCEL = 100.0
 
@@ -109,7 +109,7 @@ def forward_small(k0, k1, S, T, F, FT, Q, predict, rows, row_set, offsets, steps
             total += 0.5 * h * trace_product(R[running_set[k]], X[at : at + size].reshape(n, width), n)
         last, before = X, at
     if keep and k1 > k0:
-        S[:, :] = kept[k1 - 1 - k0]
+        copy(X, at, S.reshape(-1), 0, size)
     return total
 
 
@@ -153,8 +153,7 @@ def backward_small(
                             store(x, a * width + i, axpy(y, load(c, at + i), load(x, a * width + i)))
             gradient[k, j] = cost[k, j] - (h * total if upper[k, j] > 0.0 else 0.0)
         product(x, 0, width, f, predict[k] * size, width, t, 0, width, none, 0, p, n, width, False)
-        for i in range(0, p * width, WIDTH):
-            store(x, i, load(t, i))
+        copy(t, 0, x, 0, p * width)
 
 
 @njit(**OPTIONS)

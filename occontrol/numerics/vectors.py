@@ -147,6 +147,13 @@ def width(n: int) -> int:
 
 
 @njit(**OPTIONS)
+def copy(A, a, B, b, size):
+    """B[b : b + size] = A[a : a + size] of flat arrays (a slice assignment takes numba seconds to compile)."""
+    for i in range(size):
+        B[b + i] = A[a + i]
+
+
+@njit(**OPTIONS)
 def product(A, a, lda, B, b, ldb, C, c, ldc, D, d, rows, inner, columns, lower):
     """C = A B + D by tiles of four rows; a, b, c, d are offsets, lda, ldb, ldc the (padded) lengths of a row.
 
