@@ -20,7 +20,22 @@ from occontrol.core.solution import Solution, versions
 from occontrol.library import choose_method, solve
 
 ROOT = Path(__file__).resolve().parent.parent
-HEAD = ("problem", "n", "M", "N", "method", "status", "cost", "bound", "gap %", "continuous cost", "bound", "gap %", "switches", "s")
+HEAD = (
+    "problem",
+    "n",
+    "M",
+    "N",
+    "method",
+    "status",
+    "cost",
+    "bound",
+    "gap %",
+    "continuous cost",
+    "bound",
+    "gap %",
+    "switches",
+    "s",
+)
 
 
 def athans_problems() -> list[str]:
@@ -78,12 +93,12 @@ def main() -> None:
     lines = [
         "# Results: problem by method",
         "",
-        f"Made by `python scripts/table.py` on {datetime.date.today()}: {platform.machine()}, {os.cpu_count()} cores, Python "
-        f"{platform.python_version()}, " + ", ".join(f"{k} {v}" for k, v in used.items()) + ".",
+        f"Made by `python scripts/table.py` on {datetime.date.today()}: {platform.machine()}, {os.cpu_count()} cores, "
+        f"Python {platform.python_version()}, " + ", ".join(f"{k} {v}" for k, v in used.items()) + ".",
         "",
-        "Cost, bound and gap are of the problem on its grid; the second three are of the independent re-integration in",
-        "continuous time. The bound of a schedule is the better of its own and the relaxation's. `collocation` stands on",
-        "its own bound only, so its gap says how far its policy is proven, not how far it is off.",
+        "Cost, bound and gap are of the problem on its grid; the second three are of the independent re-integration",
+        "in continuous time. The bound of a schedule is the better of its own and the relaxation's. `collocation` stands",
+        "on its own bound only, so its gap says how far its policy is proven, not how far it is off.",
         "",
         "| " + " | ".join(HEAD) + " |",
         "|" + "---|" * len(HEAD),

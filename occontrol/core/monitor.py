@@ -45,7 +45,14 @@ class Monitor:
 
     def report(self, iteration: int, cost: float, lower_bound: float, **more) -> None:
         """Record one iteration and show it."""
-        record = {"iteration": iteration, "cost": cost, "lower_bound": lower_bound, "seconds": self.seconds, "stage": self.stage, **more}
+        record = {
+            "iteration": iteration,
+            "cost": cost,
+            "lower_bound": lower_bound,
+            "seconds": self.seconds,
+            "stage": self.stage,
+            **more,
+        }
         self.history.append(record)
         if self.show is not None:
             self.show(record)

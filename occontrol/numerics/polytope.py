@@ -112,7 +112,7 @@ def _project(y, upper, select, w):
 
 
 def project(weights: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
-    """The nearest point of V, interval by interval: v_j = clip(y_j - lam, 0, upper_j), lam such that the sum is `select`.
+    """The nearest point of V, interval by interval: v_j = clip(y_j - lam, 0, upper_j) with the sum `select`.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ def best_single(sweep: Sweep) -> np.ndarray:
 
 
 def round_robin(recursion: Recursion, dwell: int = 1) -> np.ndarray:
-    """The sensors in turn, `dwell` intervals each, those out of their windows skipped; idle only when nothing else is there.
+    """The sensors in turn, `dwell` intervals each, those out of their windows skipped; idle only as a last resort.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Kelley's H-minimal sweep on integral policies, made convergent by partial steps (Athans 1971, section 6 and figure 7).
+"""Kelley's H-minimal sweep on integral policies, convergent by partial steps (Athans 1971, section 6 and figure 7).
 
 (1) guess v; (2) covariance forward; (3) costate backward; (4) switching functions; (5) candidate w = argmin_j s_j on
 every interval; (6) stop if the predicted decrease sum_k h (s_v - s_w) is below tolerance; (7) replace v by w on the

@@ -21,19 +21,32 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
     n, N, sensors = problem.states, problem.intervals, problem.sensors
     rows = sum(s.rows for s in sensors)
     steps = problem.steps
-    spacing = f"{steps[0]:.4g} each" if np.ptp(steps) < 1e-9 * steps.max() else f"{steps.min():.4g} to {steps.max():.4g}"
+    spacing = (
+        f"{steps[0]:.4g} each" if np.ptp(steps) < 1e-9 * steps.max() else f"{steps.min():.4g} to {steps.max():.4g}"
+    )
     varying = [".".join(map(str, p)) for p, s in problem.signals.items() if not s.constant]
     found = [
-        ("sizes", f"{n} states, {len(sensors)} sensors with {rows} rows, {N} intervals of {spacing}, select {problem.select}"),
+        ("sizes", f"{n} states, {len(sensors)} sensors with {rows} rows, {N} intervals of {spacing}"),
+        ("select", f"{problem.select} at a time"),
         ("horizon", f"t = {problem.edges[0]:g} to {problem.edges[-1]:g}, prediction for {problem.predict_at:g}"),
-        ("time-varying", ", ".join(varying[:6]) + (f" and {len(varying) - 6} more" if len(varying) > 6 else "") if varying else "nothing"),
+        ("time-varying", _listed(varying, 6) if varying else "nothing"),
     ]  # fmt: skip
     rates = np.column_stack([s.cost.sample(problem.midpoints)[:, 0, 0] for s in sensors])
     low, high = _spend(rates, problem, np.min), _spend(rates, problem, np.max)
-    found.append(("observation cost", f"{low:.6g} to {high:.6g} over the horizon, times cost_weight {problem.cost_weight:g}"))
+    found.append(
+        ("observation cost", f"{low:.6g} to {high:.6g} over the horizon, times cost_weight {problem.cost_weight:g}")
+    )
     lacking = np.sum(problem.upper, axis=1) < problem.select - 1e-9
-    windows = [f"{s.name} {100 * float(steps @ problem.upper[:, j]) / steps.sum():.3g} %" for j, s in enumerate(sensors) if s.windows is not None]
-    text = f"{int(lacking.sum())} of {N} intervals have too few sensors" if np.any(lacking) else "every interval can be filled"
+    windows = [
+        f"{s.name} {100 * float(steps @ problem.upper[:, j]) / steps.sum():.3g} %"
+        for j, s in enumerate(sensors)
+        if s.windows is not None
+    ]
+    text = (
+        f"{int(lacking.sum())} of {N} intervals have too few sensors"
+        if np.any(lacking)
+        else "every interval can be filled"
+    )
     found.append(("availability", text + (f"; inside windows: {', '.join(windows)}" if windows else "")))
     together, worst = _observability(problem)
     found.append(("observability", f"all sensors together: rank {together} of {n} over the horizon{worst}"))
@@ -41,6 +54,10 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
     memory = 8 * N * n * n / 1e6
     found.append(("work", f"about {flops / 1e6:.3g} Mflop a sweep, {memory:.3g} MB of covariances; tens of sweeps"))
     return found
+
+
+def _listed(names: list[str], most: int) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def _spend(rates: np.ndarray, problem: SchedulingProblem, pick) -> float:
@@ -73,5 +90,5 @@ def _observability(problem: SchedulingProblem) -> tuple[int, str]:
 
     alone = [(s.name, rank(g)) for s, g in zip(problem.sensors, gramians, strict=True) if s.rows]
     short = [f"{name} {r}" for name, r in alone if r < n]
-    listed = ", ".join(short[:5]) + (f" and {len(short) - 5} more" if len(short) > 5 else "")
+    listed = _listed(short, 5)
     return rank(gramians.sum(axis=0)), f"; alone less: {listed}" if short else ""

@@ -37,9 +37,12 @@ def test_projection_is_the_nearest_point(select):
     assert np.all(w >= 0) and np.all(w <= upper)
     for k in range(12):
         best = minimize(
-            lambda x, k=k: np.sum((x - y[k]) ** 2), uniform(upper[k : k + 1], select)[0], bounds=[(0, u) for u in upper[k]],
-            constraints={"type": "eq", "fun": lambda x: np.sum(x) - select}, tol=1e-12,
-        )  # fmt: skip
+            lambda x, k=k: np.sum((x - y[k]) ** 2),
+            uniform(upper[k : k + 1], select)[0],
+            bounds=[(0, u) for u in upper[k]],
+            constraints={"type": "eq", "fun": lambda x: np.sum(x) - select},
+            tol=1e-12,
+        )
         assert np.sum((w[k] - y[k]) ** 2) <= best.fun + 1e-8
     np.testing.assert_allclose(project(w, upper, select), w, atol=1e-12)
 

@@ -1,6 +1,7 @@
 """An outside judge for precision programs: CVXPY on the anomaly form, which shares nothing with the solvers.
 
-With joint anomalies P = AA', G = AB', Y = BB' the bound reads  I + B'SB >= A'(P^d)^-1 A: no rank decision, no inverse of Y.
+With joint anomalies P = AA', G = AB', Y = BB' the bound reads  I + B'SB >= A'(P^d)^-1 A: no rank decision and no
+inverse of Y.
 Both sides are multiplied by (I + A'(P^d)^-1 A)^(-1/2), which changes nothing but the scale.
 """
 
