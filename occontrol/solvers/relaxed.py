@@ -1,7 +1,7 @@
 """The convex relaxation, v in the simplex instead of its corners, to a certified gap.
 
-Limited-memory BFGS on the face of V, projected back into V (numerics/quasi_newton.py). Every gradient is a cut; the best
-bound that the cuts prove, alone or mixed (numerics/cuts.py), is kept, and it alone decides when to stop. What else was
+Limited-memory BFGS on the face of V, projected back into V (numerics/quasi_newton.py). Every gradient is a cut; the
+best bound that the cuts prove, alone or mixed (numerics/cuts.py), is kept, and it alone decides when to stop. What else was
 tried, with its figures, stands in docs/solver.md.
 """
 
@@ -17,7 +17,6 @@ from occontrol.numerics.cuts import Cuts
 from occontrol.numerics.polytope import excess, project, uniform, vertex
 from occontrol.numerics.quasi_newton import FaceBFGS
 from occontrol.numerics.sweep import Sweep
-
 
 PAIR_BYTES = 300_000_000
 
