@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -22,23 +22,21 @@ def certify(
     json: JsonFlag = False,
 ) -> int:
     """Recompute cost, lower bound and gap of a schedule from the problem alone."""
+    from dataclasses import replace
+
     from occontrol.core.errors import UsageError
+    from occontrol.core.solution import Status
     from occontrol.families import family_module
     from occontrol.files.data_files import read_schedule
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import read_run
     from occontrol.library import certify as library_certify
 
-    claims = None
+    claims, listed = None, True
     if file.is_dir():
         problem, recorded = read_run(file)
         given = recorded.schedule if schedule is None else read_schedule(schedule, problem)
-        if schedule is None and recorded.certificate is not None and problem.family == "athans":
-            from occontrol.solvers.certificate import Claims
-
-            claims = Claims(recorded.certificate.cost, recorded.certificate.lower_bound)
-        elif schedule is None and hasattr(family_module(problem.family), "claims_of"):
-            claims = family_module(problem.family).claims_of(problem, recorded)
+        run = file if schedule is None else None
     else:
         if schedule is None:
             raise UsageError(
@@ -46,15 +44,52 @@ def certify(
             )
         problem = read_problem(file)
         given = read_schedule(schedule, problem)
+        run = schedule if schedule.is_dir() else None
+        recorded = None
+        if run is not None:
+            solved, recorded = read_run(run)
+            # what a run says of its schedule is about its own problem only
+            run = run if _same(problem, solved) else None
+    family = family_module(problem.family)
+    if run is not None and recorded is not None and given is not None and hasattr(family, "claims_of"):
+        claims, listed = family.claims_of(problem, recorded), _is_listed(run, problem, recorded.schedule)
     if given is None:
         raise UsageError(f"the run of family {problem.family} holds no schedule that could be certified")
     solution = library_certify(problem, given, claims)
+    if not listed:
+        what = "the schedule that result.json lists is not the one in arrays.npz"
+        parts = [what, *([solution.message] if solution.status is Status.DISAGREES else [])]
+        solution = replace(solution, status=Status.DISAGREES, message="; ".join(parts))
     if json:
         print_json(solution.as_dict())
     else:
         status = ("status", f"{solution.status}: {solution.message or solution.status.text}")
-        print_pairs([status, *family_module(problem.family).summarise(problem, solution)])
+        print_pairs([status, *family.summarise(problem, solution)])
     code = solution.status.exit_code
     if code and json:
         note(solution.message or solution.status.text)
     return code
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two problems ask the same; how they are named and solved does not matter."""
+    from occontrol.files.problem_file import document
+
+    asks = [{k: v for k, v in document(p).items() if k not in ("name", "method", "expect")} for p in (one, other)]
+    return asks[0] == asks[1]
+
+
+def _is_listed(run: Path, problem: Any, schedule: Any) -> bool:
+    """Whether the schedule that result.json lists for the eye is that of the arrays."""
+    import numpy as np
+
+    from occontrol.core.errors import ProblemError
+    from occontrol.files.data_files import read_schedule
+
+    try:
+        listed = read_schedule(run / "result.json", problem)
+    except ProblemError:
+        return False
+    return bool(
+        np.array_equal(listed.edges, schedule.edges) and np.allclose(listed.weights, schedule.weights, atol=1e-6)
+    )

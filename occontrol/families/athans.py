@@ -35,6 +35,7 @@ Problem = SchedulingProblem
 METHODS: dict[str, type] = {
     m.name: m for m in (RelaxRoundPolish, HMinimal, Relaxed, Collocation, BestSingle, RoundRobin, Random, Greedy)
 }
+PARTS = ("observation_cost", "running_cost", "prediction_error", "predicted_mean_square_error")
 COMPARE = ["schedule", "relaxed", "hminimal", "greedy", "best-single", "round-robin", "random"]
 
 
@@ -97,10 +98,40 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     solution = assemble(problem, "certify", sweep, halves, found, monitor, started)
     if claims is not None and solution.certificate is not None:
         lowest = min(relaxed.cost, solution.certificate.cost)
-        refuted = false_claims(claims, solution.certificate.cost, lowest)
+        continuous = solution.result["continuous"]["cost"]
+        refuted = false_claims(claims, solution.certificate.cost, lowest, continuous, parts_of(solution))
         if refuted:
             return dataclasses.replace(solution, status=Status.DISAGREES, message="; ".join(refuted))
     return solution
+
+
+def parts_of(solution: Solution) -> dict[str, float]:
+    """The numbers of a result that follow from problem and schedule alone, by name.
+
+    Parameters
+    ----------
+    solution : of this family
+    """
+    result = solution.result
+    flat = {name: result.get(name) for name in PARTS}
+    flat["continuous cost"] = (result.get("continuous") or {}).get("cost")
+    return {name: float(value) for name, value in flat.items() if isinstance(value, int | float)}
+
+
+def claims_of(problem: SchedulingProblem, solution: Solution) -> Claims:
+    """What a run says of its schedule, for `certify` to check.
+
+    Parameters
+    ----------
+    problem, solution : of the run
+    """
+    from occontrol.solvers.certificate import Claims
+
+    bound = (solution.result.get("continuous") or {}).get("lower_bound")
+    cost, lower = (None, None) if solution.certificate is None else (solution.cost, solution.certificate.lower_bound)
+    gap = solution.result.get("relative_gap")
+    bound, gap = (float(x) if isinstance(x, int | float) else None for x in (bound, gap))
+    return Claims(cost, lower, bound, gap, parts_of(solution))
 
 
 def on_common_grid(problem: SchedulingProblem, schedule: Schedule) -> tuple[SchedulingProblem, np.ndarray]:

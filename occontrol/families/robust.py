@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,16 +16,20 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.robust_problem import Problem
-from occontrol.families.robust_result import finish, finish_shares, infeasible
+from occontrol.families.robust_result import claims_of, finish, finish_shares, infeasible
 from occontrol.families.robust_text import describe, summarise, truth_remark
 from occontrol.solvers.robust_methods import All, BestSingle, Fixed, OneStep, Optimal, Random, RelaxedShares, RoundRobin
 from occontrol.solvers.robust_slots import Slots, one_step, slot_table
+
+if TYPE_CHECKING:
+    from occontrol.solvers.certificate import Claims
 
 __all__ = [
     "COMPARE",
     "METHODS",
     "Problem",
     "certify",
+    "claims_of",
     "describe",
     "online",
     "run_filter",
@@ -170,7 +174,7 @@ def _all(problem: Problem, slots: Slots, method: All, began: float, watch: Monit
     )
 
 
-def certify(problem: Problem, schedule: Schedule) -> Solution:
+def certify(problem: Problem, schedule: Schedule, claims: Claims | None = None) -> Solution:
     """Cost, lower bound and gap of anybody's schedule, everything recomputed.
 
     Parameters
@@ -178,8 +182,11 @@ def certify(problem: Problem, schedule: Schedule) -> Solution:
     problem : Problem
     schedule : Schedule over the same horizon with one sensor at a time; where it switches within a slot, the slots are
         cut there, and the bound holds for the finer slots
+    claims : what somebody says of it; refuted claims make the status `disagrees`
     """
     import dataclasses
+
+    from occontrol.solvers.certificate import false_claims
 
     began, watch = time.perf_counter(), Monitor()
     scale = max(1.0, float(np.max(np.abs(problem.edges))))
@@ -202,7 +209,12 @@ def certify(problem: Problem, schedule: Schedule) -> Solution:
     found = search(slots, [sequence], monitor=watch)
     message = f"The best sequence known costs {found.cost:.8g}; none costs less than {found.lower_bound:.8g}."
     extra = {"nodes": found.nodes, "best_known_cost": found.cost}
-    return finish(problem, slots, "certify", began, watch, sequence, found.lower_bound, Status.FEASIBLE, message, extra)
+    solution = finish(
+        problem, slots, "certify", began, watch, sequence, found.lower_bound, Status.FEASIBLE, message, extra
+    )
+    level = {"level": solution.result["level"]}
+    refuted = [] if claims is None else false_claims(claims, solution.cost, found.cost, parts=level)
+    return dataclasses.replace(solution, status=Status.DISAGREES, message="; ".join(refuted)) if refuted else solution
 
 
 def simulate(problem: Problem, solution: Solution | None, seed: int = 0) -> tuple[list[Measurement], Trajectory]:

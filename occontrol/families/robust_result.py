@@ -15,6 +15,7 @@ from occontrol.core.solution import Certificate, Solution, Status
 from occontrol.equations.game import center_weight, from_ordinary
 from occontrol.families.robust_problem import Problem
 from occontrol.numerics.escape import escape_time, first_lost, free_weights, gain_that_fits, horizon
+from occontrol.solvers.certificate import Claims
 from occontrol.solvers.robust_check import integrate
 from occontrol.solvers.robust_history import history
 from occontrol.solvers.robust_slots import Slots
@@ -234,3 +235,15 @@ def finish_shares(
         history=tuple(watch.history),
         problem=problem,
     )
+
+
+def claims_of(problem: Problem, solution: Solution) -> Claims:
+    """What a run says of its sequence, for `certify` to check.
+
+    Parameters
+    ----------
+    problem, solution : of the run
+    """
+    stated = [solution.result.get(name) for name in ("cost", "lower_bound", "relative_gap", "level")]
+    cost, bound, gap, level = (float(x) if isinstance(x, int | float) else None for x in stated)
+    return Claims(cost, bound, None, gap, {} if level is None else {"level": level})

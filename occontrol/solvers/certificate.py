@@ -153,7 +153,7 @@ def false_claims(
         found.append(f"the stated cost is {claims.cost:.10g}, the schedule costs {cost:.10g}")
     if claims.lower_bound is not None and not claims.lower_bound <= lowest_cost + 1e-8 * abs(lowest_cost):
         found.append(
-            f"the stated lower bound {claims.lower_bound:.10g} is not one: a relaxed policy costs {lowest_cost:.10g}"
+            f"the stated lower bound {claims.lower_bound:.10g} is not one: a known policy costs {lowest_cost:.10g}"
         )
     if None not in (claims.relative_gap, claims.cost, claims.lower_bound):
         gap = Certificate(claims.cost, claims.lower_bound).relative_gap  # type: ignore[arg-type]

@@ -56,3 +56,15 @@ def test_unknown_method_and_too_many_sequences(run, tmp_path):
     code, _, err = run("solve", PROBLEMS / "robust_vehicle.yaml", "--method", "all", "--out", tmp_path / "x")
     assert code == 3
     assert "would rank 3^40 sequences" in err
+
+
+@pytest.mark.parametrize(("key", "factor"), [("cost", 0.9), ("lower_bound", 1.1), ("level", 2.0)])
+def test_certify_refutes_what_a_run_states_falsely(run, tmp_path, key, factor):
+    folder = tmp_path / "run"
+    assert run("solve", PROBLEMS / "robust_oscillator.yaml", "--out", folder, "--no-figures")[0] == 0
+    assert run("certify", folder)[0] == 0
+    content = json.loads((folder / "result.json").read_text())
+    (folder / "result.json").write_text(json.dumps({**content, key: content[key] * factor}))
+    for words in ([folder], [PROBLEMS / "robust_oscillator.yaml", folder]):
+        code, out, _ = run("certify", *words, "--json")
+        assert (code, json.loads(out)["status"]) == (7, "disagrees")

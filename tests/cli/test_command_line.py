@@ -212,6 +212,23 @@ def test_certify_recomputes_schedules_and_catches_what_a_run_folder_claims(small
     Path("runs/radars/result.json").write_text(json.dumps({**content, "cost": content["cost"] * 0.99}))
     assert run(["certify", "runs/radars"]) == 7
     assert "the stated cost is" in "".join(capsys.readouterr())
+    assert run(["certify", str(small_file), "runs/radars", "--json"]) == 7
+    assert json.loads(capsys.readouterr().out)["status"] == "disagrees"
+    # of another problem the run says nothing: its schedule is judged, not its numbers
+    other = Path("other.yaml")
+    other.write_text(small_file.read_text().replace("cost: 0.5", "cost: 0.6"))
+    assert other.read_text() != small_file.read_text()
+    assert run(["certify", str(other), "runs/radars"]) == 0
+
+
+def test_certify_catches_a_listed_schedule_that_is_not_the_solved_one(small_file: Path, capsys: Captured) -> None:
+    assert run(["solve", str(small_file), "--json", "--no-figures"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    content["schedule"] = [{"start": 0.0, "end": content["schedule"][-1]["end"], "sensors": ["doppler"]}]
+    Path("runs/radars/result.json").write_text(json.dumps(content))
+    for words in (["runs/radars"], [str(small_file), "runs/radars"]):
+        assert run(["certify", *words]) == 7
+        assert "the schedule that result.json lists is not the one in arrays.npz" in "".join(capsys.readouterr())
 
 
 def test_compare_sets_methods_side_by_side(small_file: Path, capsys: Captured) -> None:

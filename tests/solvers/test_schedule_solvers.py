@@ -190,3 +190,13 @@ def test_false_claims_are_refuted_and_true_ones_are_not():
     assert not false_claims(Claims(1.0, 0.99), 1.0, 0.995)
     assert "stated cost" in false_claims(Claims(0.9, 0.5), 1.0, 0.995)[0]
     assert "is not one" in false_claims(Claims(1.0, 0.999), 1.0, 0.995)[0]
+
+
+@pytest.mark.parametrize(("claims", "words"), [
+    (Claims(1.0, 0.9, relative_gap=0.0), "stated relative gap"),
+    (Claims(1.0, 0.9, continuous_bound=1.1), "continuous lower bound"),
+    (Claims(1.0, 0.9, parts={"prediction_error": 0.6}), "stated prediction error is 0.6, recomputed 0.5"),
+])  # fmt: skip
+def test_false_claims_beside_cost_and_bound(claims, words):
+    (sentence,) = false_claims(claims, 1.0, 0.995, 1.001, {"prediction_error": 0.5})
+    assert words in sentence
