@@ -1,8 +1,8 @@
 """The convex relaxation, v in the simplex instead of its corners, to a certified gap.
 
 Limited-memory BFGS on the face of V, projected back into V (numerics/quasi_newton.py). Every gradient is a cut; the
-best bound that the cuts prove, alone or mixed (numerics/cuts.py), is kept, and it alone decides when to stop. What else was
-tried, with its figures, stands in docs/solver.md.
+best bound that the cuts prove, alone or mixed (numerics/cuts.py), is kept, and it alone decides when to stop. What else
+was tried, with its figures, stands in docs/solver.md.
 """
 
 from __future__ import annotations
