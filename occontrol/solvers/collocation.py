@@ -23,6 +23,7 @@ from occontrol.solvers.policy_simulation import terminal_weight
 
 ROUNDS = 6
 STEP = 0.7
+GROWTH_STEP = 3.0
 INFORMATION = 2.0
 
 
@@ -78,7 +79,8 @@ def solve_collocation(
     weights = uniform_policy(problem)
     information = information_form(problem)
     by_growth = information and problem.running is None
-    mesh = simulate_mesh(problem, weights, table[2], STEP, by_growth)
+    longest = GROWTH_STEP if by_growth else STEP
+    mesh = simulate_mesh(problem, weights, table[2], longest, by_growth)
     iterations, accuracy = 0, 0.1 * options.relative_gap
     unit = abs(simulated_cost(problem, weights, mesh, table, W)) or 1.0
     for turn in range(ROUNDS):
@@ -87,7 +89,7 @@ def solve_collocation(
         iterations += found.iterations
         weights = feasible_policy(problem, transcription.weights(found.x))
         covariance = transcription.covariances(found.x)
-        step = STEP / (1.0 if problem.running is None else 2.0 ** (turn + 1))  # the quadrature of tr(R Sigma)
+        step = longest / (1.0 if problem.running is None else 2.0 ** (turn + 1))  # the quadrature of tr(R Sigma)
         again = simulate_mesh(problem, weights, table[2], step, by_growth, mesh.starts)
         off = abs(simulated_cost(problem, weights, again, table, W) - found.objective) / max(
             abs(found.objective), 1e-300

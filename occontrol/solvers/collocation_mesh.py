@@ -58,7 +58,7 @@ def simulate_mesh(
     cuts : times that are ends of elements in any case
     """
     data, covariance = Data(problem), problem.plant.covariance
-    breaks = np.unique(np.concatenate([s.breakpoints for s in problem.signals.values()]))
+    breaks = coarse_breaks(problem)
     if cuts is not None:
         breaks = np.unique(np.concatenate([breaks, cuts]))
     starts, lengths, interval, first, stages, ends = [], [], [], [], [], [covariance]
@@ -77,6 +77,20 @@ def simulate_mesh(
             ends.append(found[-1])
         covariance = ends[-1]
     return Mesh(*map(np.array, (starts, lengths, interval, first, stages, ends)))
+
+
+def coarse_breaks(problem: SchedulingProblem) -> np.ndarray:
+    """Times at which elements must end: the breakpoints of tables, except dense ones that are joined by straight lines.
+
+    A linear table with more breakpoints than there are intervals stands for a smooth function; elements across its
+    kinks are accurate enough, or are cut later because the simulation of the policy says so.
+    """
+    times = [np.empty(0)]
+    for signal in problem.signals.values():
+        dense = len(signal.breakpoints) > problem.intervals and getattr(signal, "interpolation", "") == "linear"
+        if not dense:
+            times.append(signal.breakpoints)
+    return np.unique(np.concatenate(times))
 
 
 def _cut(

@@ -37,21 +37,19 @@ class Data:
         """A and Xi at t."""
         return self._plant or (self.problem.plant.A.at(t), self.problem.plant.noise.at(t))
 
-    def rates(self, times: np.ndarray) -> np.ndarray:
-        """L_j at the times, (K, M, n, n)."""
-        return (
-            self._rates(times)
-            if self._fixed is None
-            else np.broadcast_to(self._fixed, (len(times), *self._fixed.shape))
-        )
-
     def information(self, t: float, weights: np.ndarray) -> np.ndarray:
         """L(v) at t."""
-        return np.tensordot(weights, self.rates(np.array([t]))[0], axes=1)
+        if self._fixed is not None:
+            return np.tensordot(weights, self._fixed, axes=1)
+        total, time = np.zeros((self.n, self.n)), np.array([t])
+        for j in np.flatnonzero(weights):
+            sensor = self.problem.sensors[j]
+            total += weights[j] * information_rates(sensor.C.sample(time), sensor.noise.sample(time))[0]
+        return total
 
 
 def simulate_interval(
-    data: Data, start: float, end: float, covariance: np.ndarray, weights: np.ndarray, rtol: float = 1e-9
+    data: Data, start: float, end: float, covariance: np.ndarray, weights: np.ndarray, rtol: float = 1e-8
 ) -> Callable[[np.ndarray], np.ndarray]:
     """The covariance on one interval under constant weights, as a function of times (K,) -> (K, n, n)."""
     A, noise = data.plant(start)
