@@ -220,3 +220,20 @@ def test_what_a_file_says_is_quoted_without_control_characters(tmp_path):
     key = '"\\e[31m' + "x" * 900 + '"'
     (line, _) = refused(written(tmp_path, BASE + f"{key}: 1\n"))
     assert line.startswith(r"12:1: unknown key '\x1b[31mxxx") and len(line) < 700
+
+
+def test_mistakes_do_not_hide_one_another(tmp_path):
+    """A wrong formula in A, a repeated name and unknown words leave everything else to be looked at."""
+    text = BASE
+    for old, new in (
+        ("[-1, -0.4]", '["sin(t", -0.4]'),
+        ("[0, 0.5]]", "[0, -0.5]]"),
+        ("name: radar", "name: doppler"),
+        ("cost: 2.0", "cost: -2.0, colour: red"),
+        ("C: [[0, 1]]", "C: [[0, 1, 2]]"),
+        ("output: [[1, 0]]}", "output: [[1, 0, 0]]}\nmethod: schedul"),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    places = [line.split(": ")[0] for line in refused(written(tmp_path, text)) if not line.startswith("  hint")]
+    assert [place.split(":")[0] for place in places] == ["5", "6", "9", "9", "10", "10", "11", "12"]

@@ -69,8 +69,10 @@ class SchedulingProblem:
             if getattr(self, name) is not None:
                 with found.under("objective", name):
                     object.__setattr__(self, name, as_signal(getattr(self, name)))
-        if len(found.mistakes) > converted or not isinstance(self.sensors, SensorSuite):
+        if len(found.mistakes) > converted:
             found.raise_if_any()
+        if not isinstance(self.sensors, SensorSuite):  # repeated names do not hide what else is wrong
+            object.__setattr__(self, "sensors", tuple(self.sensors))
         found.mistakes += self._shapes()
         found.mistakes += self._values({m.path for m in found.mistakes})
         found.raise_if_any()

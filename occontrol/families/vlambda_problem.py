@@ -11,7 +11,7 @@ import numpy as np
 
 from occontrol.core.checks import check_covariance, check_covariance_signal, check_finite
 from occontrol.core.discrete_sensor import DiscreteSensor
-from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.errors import Collector, Mistake
 from occontrol.core.plant import DiscretePlant
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import TableSignal
@@ -75,13 +75,17 @@ class Problem:
             found.add(("scales",), f"scales has {len(scales)} entries, the plant has {n} states", "one entry per state")
         elif not (np.all(np.isfinite(scales)) and np.all(scales > 0)):
             found.add(("scales",), "a scale is not a finite number above 0")
+        named = isinstance(self.sensors, SensorSuite)
+        if not named:  # repeated names do not hide what else is wrong
+            object.__setattr__(self, "sensors", tuple(self.sensors))
+        whole = ("horizon", "steps") not in {m.path for m in found.mistakes}
+        found.mistakes += self._shapes(whole)
+        found.mistakes += self._method() if named else []
+        wrong = {m.path for m in found.mistakes}
+        found.mistakes += [m for m in self._values() if m.path not in wrong] if whole else []
         found.raise_if_any()
-        mistakes = [*self._shapes(), *self._method()]
-        mistakes = mistakes or self._values()
-        if mistakes:
-            raise ProblemError(mistakes)
 
-    def _shapes(self) -> list[Mistake]:
+    def _shapes(self, whole: bool) -> list[Mistake]:
         n, count, found = self.plant.states, len(self.sensors), []
         for j, sensor in enumerate(self.sensors):
             if sensor.H.shape[1] != n:
@@ -91,7 +95,7 @@ class Problem:
         if isinstance(self.select, bool) or int(self.select) != self.select or not 1 <= self.select <= count:
             what = f"select is {self.select}, there {'is' if count == 1 else 'are'} {count} sensor{'s' * (count != 1)}"
             found.append(Mistake(("select",), what, f"1 <= select <= {count}"))
-        for path, signal in self.signals.items():
+        for path, signal in self.signals.items() if whole else ():
             if isinstance(signal, TableSignal) and not signal.covers(0.0, float(self.steps - 1)):
                 span = f"[{signal.times[0]:g}, {signal.times[-1]:g}]"
                 what = f"the table covers k in {span}, the horizon is k = 0 .. {self.steps - 1}"

@@ -134,6 +134,10 @@ def test_several_mistakes_are_reported_together(tmp_path):
     message = refusal(tmp_path, text)
     assert "select is 9" in message
     assert "covariance is not positive semidefinite" in message
+    assert "R of sensor 'a' is not positive definite" in message
+    message = refusal(tmp_path, text.replace("name: b", "name: a").replace("epoch: 4", "epoch: 0"))
+    for words in ("'a' is used twice", "horizon.epoch is 0", "R of sensor 'a' is not positive definite"):
+        assert words in message
 
 
 def test_a_fixed_pair_of_sensors(tmp_path):

@@ -185,7 +185,11 @@ def _plant(entry: Plant, context: Context) -> LinearPlant | None:
     }
     lost = (entry.B is not None and parts["B"] is None) or (entry.input is not None and parts["input"] is None)
     if A is None:
-        return None
+        others = [part.shape[0] for part in (parts["noise"], parts["covariance"]) if part is not None]
+        if not isinstance(entry.A, list) or len(entry.A) not in others:
+            return None
+        n = len(entry.A)  # an entry is wrong, but the rows tell the number of states
+        A = ConstantSignal(np.zeros((n, n)))
     n = A.shape[0]
     stand_in = {"noise": np.zeros((n, n)), "covariance": np.zeros((n, n)), "mean": None, "B": None, "input": None}
     if lost:
