@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -72,3 +75,37 @@ def test_an_unknown_format_and_a_place_that_cannot_be(run: Path) -> None:
         export_run(run, "xls")
     with pytest.raises(FileAccessError, match="cannot write"):
         export_run(run, "csv", run / "result.json" / "below")
+
+
+def test_a_csv_file_named_by_the_user_is_the_schedule(run: Path, small_solution: Solution) -> None:
+    names = {path.name for path in export_run(run, "csv", run.parent / "plan.csv")}
+    assert {"plan.csv", "plan_gains.csv", "plan_covariance.csv"} <= names
+    back = read_schedule(run.parent / "plan.csv", small_solution.problem)
+    assert small_solution.schedule is not None
+    assert np.array_equal(back.weights, small_solution.schedule.weights)
+
+
+def test_c_holds_the_same_numbers(run: Path, small_solution: Solution) -> None:
+    (path,) = export_run(run, "c", run.parent / "tables.h")
+    text = path.read_text(encoding="ascii")
+    assert 'occontrol_sensors[3] = {"range", "doppler", "idle"};' in text
+    for name in ("edges", "gain", "covariance", "weights"):
+        array = small_solution.arrays[name]
+        (sizes, body), *more = re.findall(rf"static const double occontrol_{name}((?:\[\d+\])+) =\n([^;]*);", text)
+        assert not more
+        assert tuple(map(int, re.findall(r"\d+", sizes))) == array.shape
+        assert np.array_equal(np.array(json.loads(body.replace("{", "[").replace("}", "]"))), array)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+def test_c_compiles_and_prints_the_gain(run: Path, small_solution: Solution) -> None:
+    export_run(run, "c", run.parent / "tables.h")
+    main = run.parent / "main.c"
+    main.write_text(
+        '#include <stdio.h>\n#include "tables.h"\nint main(void) { printf("%.17g %s\\n", '
+        "occontrol_gain[3][1][0], occontrol_sensors[1]); return 0; }\n"
+    )
+    command = ["cc", "-std=c99", "-Wall", "-Wno-unused-variable", "-Werror", str(main), "-o", str(run.parent / "main")]
+    subprocess.run(command, check=True)
+    value, name = subprocess.run([str(run.parent / "main")], check=True, capture_output=True, text=True).stdout.split()
+    assert (float(value), name) == (small_solution.arrays["gain"][3, 1, 0], "doppler")

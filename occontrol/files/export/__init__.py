@@ -16,6 +16,7 @@ FORMATS = {
     "json": "export.json",
     "npz": "export.npz",
     "mat": "export.mat",
+    "c": "export.h",
 }
 
 

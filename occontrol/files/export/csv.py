@@ -1,7 +1,8 @@
 """A folder of CSV files: schedule.csv, and one file per array with its times in the first columns.
 
 Arrays on nodes begin with t, arrays on intervals with start and end, others with their index. Matrices are written row
-by row: covariance_1_2 is the entry in row 1, column 2.
+by row: covariance_1_2 is the entry in row 1, column 2. A target that is named like a file, plan.csv, becomes the
+schedule itself, and the arrays lie beside it as plan_gains.csv and so on.
 """
 
 from __future__ import annotations
@@ -27,12 +28,14 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
     ----------
     problem : the problem, for the names of the sensors
     solution : Solution
-    target : the folder, created if missing
+    target : the folder, created if missing; or a file ending in .csv, for the schedule
     """
-    target.mkdir(parents=True, exist_ok=True)
+    single = target.suffix.lower() == ".csv" and not target.is_dir()
+    folder, before = (target.parent, f"{target.stem}_") if single else (target, "")
+    folder.mkdir(parents=True, exist_ok=True)
     written = []
     if solution.result.get("schedule"):
-        written.append(_schedule(solution.result["schedule"], target / "schedule.csv"))
+        written.append(_schedule(solution.result["schedule"], target if single else folder / "schedule.csv"))
     arrays = solution.arrays
     sensors: Sequence[str] = getattr(getattr(problem, "sensors", None), "names", ())
     for name, array in arrays.items():
@@ -41,7 +44,7 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
         index_names, index = _index(array, arrays)
         flat = np.reshape(array, (len(array), -1))
         columns = _columns(name, array.shape[1:], sensors)
-        path = target / f"{FILE_NAMES.get(name, name)}.csv"
+        path = folder / f"{before}{FILE_NAMES.get(name, name)}.csv"
         rows = ([*i, *row] for i, row in zip(index, flat, strict=True))
         written.append(write_table(path, [*index_names, *columns], rows))
     return written

@@ -1,0 +1,85 @@
+"""One C99 file without dependencies: the arrays of the run and the tables of its filter as constants.
+
+Every array is `static const`, so that the file may be included or compiled by itself; integers are int, everything
+else double with 17 digits. Arrays without entries are left out, for C has none.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.solution import Solution
+from occontrol.files.export.contents import filter_arrays
+
+PREFIX = "occontrol_"
+WIDTH = 120
+
+
+def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
+    """Write one C file.
+
+    Parameters
+    ----------
+    problem : the problem
+    solution : Solution
+    target : the file
+    """
+    names = list(getattr(getattr(problem, "sensors", None), "names", []))
+    title = re.sub(r"[^ -~]|\*/|/\*|\\", "?", f"{problem.name}; family {problem.family}, method {solution.method}")
+    lines = [f"/* {title}: written by occontrol export */", "#ifndef OCCONTROL_EXPORT_H", "#define OCCONTROL_EXPORT_H"]
+    lines += ["", "#include <math.h>", ""]
+    if names:
+        lines += [f"#define {PREFIX.upper()}SENSORS {len(names)}"]
+        lines += [f"static const char *const {PREFIX}sensors[{len(names)}] = {{{', '.join(map(_text, names))}}};"]
+    arrays = dict(solution.arrays)
+    arrays |= {f"filter_{name}": value for name, value in filter_arrays(problem, solution).items()}
+    for name, value in arrays.items():
+        array = np.asarray(value)
+        if array.size and array.dtype.kind in "fiub":
+            lines += ["", *_definition(PREFIX + re.sub(r"\W", "_", name), array)]
+    lines += ["", "#endif", ""]
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text("\n".join(lines), encoding="ascii")
+    return [target]
+
+
+def _text(name: str) -> str:
+    """A C string; what is not plain ASCII as octal bytes of UTF-8."""
+    plain = (chr(b) if 32 <= b < 127 and chr(b) not in '"\\?' else f"\\{b:03o}" for b in name.encode())
+    return f'"{"".join(plain)}"'
+
+
+def _definition(name: str, array: np.ndarray) -> list[str]:
+    kind, spell = ("double", _number) if array.dtype.kind == "f" else ("int", lambda x: str(int(x)))
+    sizes = "".join(f"[{size}]" for size in array.shape)
+    return [f"static const {kind} {name}{sizes} =", *_wrapped(_values(array, spell) + ";")]
+
+
+def _values(array: np.ndarray, spell: Any) -> str:
+    if array.ndim == 0:
+        return spell(array.item())
+    inner = map(spell, array.tolist()) if array.ndim == 1 else (_values(part, spell) for part in array)
+    return "{" + ", ".join(inner) + "}"
+
+
+def _number(value: float) -> str:
+    if np.isnan(value):
+        return "NAN"
+    if np.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    text = repr(float(value))  # the shortest text that reads back to the same double
+    return text if "." in text or "e" in text else f"{text}.0"
+
+
+def _wrapped(text: str) -> list[str]:
+    lines, line = [], " "
+    for word in text.split(" "):
+        if len(line) + 1 + len(word) > WIDTH:
+            lines.append(line)
+            line = " "
+        line += f" {word}"
+    return [*lines, line]
