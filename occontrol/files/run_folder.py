@@ -136,15 +136,18 @@ def _locate(folder: Path, name: str) -> Path:
     committed = folder / COMMITTED / name
     path = committed if committed.exists() else folder / name
     if not path.exists():
-        what = f"{name} is missing" if folder.is_dir() else "no such run folder"
-        raise ProblemError(Mistake((), what, "occontrol solve FILE --out DIR writes a run folder", place=str(folder)))
+        hint = "occontrol solve FILE --out DIR writes a run folder"
+        if not folder.is_dir():
+            raise FileAccessError(f"{folder}: no such run folder\n  hint: {hint}")
+        raise ProblemError(Mistake((), f"{name} is missing", hint, place=str(folder)))
     return path
 
 
 def read_run(folder: str | Path) -> tuple[Any, Solution]:
     """The problem and the Solution of the run folder `folder`, identical to what was written.
 
-    Raises ProblemError naming the file that is missing, damaged, or does not belong to the others.
+    Raises ProblemError naming the file that is missing, damaged, or does not belong to the others; FileAccessError when
+    there is no such folder or it cannot be read.
     """
     from occontrol.files.problem_file import read_problem
 

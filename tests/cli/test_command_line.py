@@ -254,7 +254,7 @@ def test_export_needs_the_run_folder_alone(small_file: Path, capsys: Captured) -
     assert Path("runs/radars/export.json").exists()
     assert run(["export", "runs/radars", "--to", "exel"]) == 2
     assert "there is no format 'exel'" in capsys.readouterr().err
-    assert run(["export", "nowhere", "--to", "csv"]) == 3
+    assert run(["export", "nowhere", "--to", "csv"]) == 8
 
 
 def test_simulate_follows_the_run_of_the_same_problem_and_only_of_that(small_file: Path, capsys: Captured) -> None:

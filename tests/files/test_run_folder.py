@@ -170,7 +170,7 @@ def test_arrays_that_hold_python_objects_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_not_there_and_one_that_is_a_file(tmp_path: Path, small_solution: Solution) -> None:
-    with pytest.raises(ProblemError, match="no such run folder"):
+    with pytest.raises(FileAccessError, match="no such run folder"):
         read_run(tmp_path / "nothing")
     (tmp_path / "file").write_text("mine")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
