@@ -11,7 +11,7 @@ from numba import njit
 _OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reassoc"}, "error_model": "numpy"}
 CURVATURE = 1e-10
 BOUND = 1e-10
-NEAR = 1e-4
+NEAR = 1e-6  # larger: what goes all the way disturbs the rest, and steps fail near a gap of 1e-6
 
 
 @njit(**_OPTIONS)
