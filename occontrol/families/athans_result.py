@@ -45,7 +45,9 @@ def assemble(
     known = max(found.bound, relaxed.lower_bound if relaxed is not None else -np.inf)
     certificate = policy_certificate(sweep, v, known)
     monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
-    judged = judge(problem, v, certificate.cost, relaxed.weights if relaxed is not None else None)
+    # whoever interrupts waits for one re-integration, not for two
+    better = relaxed.weights if relaxed is not None and not monitor.interrupted else None
+    judged = judge(problem, v, certificate.cost, better)
     path = node_path(r, halves, v)
     status, message = found.status, found.message
     if status is Status.CERTIFIED and not found.proves and certificate.relative_gap > found.target:
@@ -121,7 +123,7 @@ def _raw_cost(problem: SchedulingProblem, v: np.ndarray) -> float:
 
 def _message(status: Status, certificate: Certificate, singular: float, schedule: Schedule) -> str:
     text = f"No schedule on this grid costs less than {certificate.lower_bound:.6g}."
-    if singular > 0:
+    if singular > 0 and status in (Status.CERTIFIED, Status.FEASIBLE):
         text += f" Arcs are singular on {100 * singular:.3g} % of the horizon: there"
         text += " the optimum is approached only by fast switching." if schedule.is_integer else " weights are shares."
     return text if status in (Status.CERTIFIED, Status.FEASIBLE) else f"{status.text} {text}"
