@@ -3,7 +3,7 @@
 The evaluator is the plain form of the recursion (`node_path`: numpy, no compiled loops): cost of a policy, and its gap
 to the bound that the same plain form gives for our policy of gap 1e-6.
 Peers: Ipopt collocation (the project's own), CasADi single shooting with RK4 and limited-memory BFGS, SciPy's L-BFGS-B
-on softmax weights with the exact gradient of our own sweep, and the semidefinite program of the recursion with Clarabel.
+on softmax weights with the exact gradient of our own sweep, and the recursion as a semidefinite program with Clarabel.
 """
 
 from __future__ import annotations

@@ -98,7 +98,8 @@ def details(report: Any, rates: list[dict], start: dict, more: dict, quick: bool
     from bench_targets import flops
 
     rows = [
-        [str(r["n"]), str(r["M"]), str(r["N"]), f"{r['flops_per_interval']:.4g}", f"{r['microseconds_per_interval']:.3g}",
+        [str(r["n"]), str(r["M"]), str(r["N"]), f"{r['flops_per_interval']:.4g}",
+         f"{r['microseconds_per_interval']:.3g}",
          f"{r['sweep']:.3g}", f"{r['dgemm_same']:.3g}", f"{r['dgemm']:.3g}", f"{100 * r['share']:.0f} %"]
         for r in rates
     ]  # fmt: skip
