@@ -14,6 +14,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from occontrol.calls import certify, plot, run_filter, simulate, solve, tradeoff
     from occontrol.core.discrete_sensor import DiscreteSensor, Region
     from occontrol.core.errors import (
         FileAccessError,
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     from occontrol.filtering.online import MatchedFilter
     from occontrol.filtering.online_switching import OnlineSwitching
     from occontrol.filtering.unscented import UnscentedFilter
-    from occontrol.library import certify, plot, run_filter, simulate, solve, tradeoff
     from occontrol.solvers.options import (
         BestSingle,
         Collocation,
@@ -90,7 +90,7 @@ _HOME = {
     "families.robust_problem": ("SwitchingProblem",),
     "filtering.online_switching": ("OnlineSwitching",),
     "families.vlambda_problem": ("SelectionProblem",),
-    "library": ("solve", "certify", "simulate", "run_filter", "tradeoff", "plot"),
+    "calls": ("solve", "certify", "simulate", "run_filter", "tradeoff", "plot"),
     "filtering.online": ("MatchedFilter",),
     "filtering.eigenfactor_online": ("OnlineSelector",),
     "solvers.options": (

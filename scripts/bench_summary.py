@@ -1,4 +1,4 @@
-"""The milestone's targets beside what was measured, and the details behind them."""
+"""Targets beside what was measured, and the details behind them."""
 
 from __future__ import annotations
 

@@ -15,9 +15,9 @@ import os
 import platform
 from pathlib import Path
 
+from occontrol.calls import choose_method, solve
 from occontrol.core.errors import OccontrolError
 from occontrol.core.solution import Solution, versions
-from occontrol.library import choose_method, solve
 
 ROOT = Path(__file__).resolve().parent.parent
 HEAD = (

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "occontrol"
-FLOORS = ["core", "numerics", "equations", "solvers", "filtering", "families", "files", "library", "cli"]
+FLOORS = ["core", "numerics", "equations", "solvers", "filtering", "families", "files", "calls", "cli"]
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py")
 
 

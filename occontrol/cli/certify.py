@@ -24,13 +24,13 @@ def certify(
     """Recompute cost, lower bound and gap of a schedule from the problem alone."""
     from dataclasses import replace
 
+    from occontrol.calls import certify as call_certify
     from occontrol.core.errors import UsageError
     from occontrol.core.solution import Status
     from occontrol.families import family_module
     from occontrol.files.data_files import read_schedule
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import read_run
-    from occontrol.library import certify as library_certify
 
     claims, listed = None, True
     if file.is_dir():
@@ -55,7 +55,7 @@ def certify(
         claims, listed = family.claims_of(problem, recorded), _is_listed(run, problem, recorded.schedule)
     if given is None:
         raise UsageError(f"the run of family {problem.family} holds no schedule that could be certified")
-    solution = library_certify(problem, given, claims)
+    solution = call_certify(problem, given, claims)
     if not listed:
         what = "the schedule that result.json lists is not the one in arrays.npz"
         parts = [what, *([solution.message] if solution.status is Status.DISAGREES else [])]

@@ -24,12 +24,12 @@ def compare(
     json: JsonFlag = False,
 ) -> int:
     """Solve one problem with several methods and set them side by side."""
+    from occontrol.calls import choose_method
     from occontrol.cli.watch import exit_code, watched
     from occontrol.core.errors import SolveFailed
     from occontrol.core.monitor import Monitor
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import check_writable
-    from occontrol.library import choose_method
 
     folder = out or Path("runs") / f"{file.stem}-compare"
     problem = read_problem(file)

@@ -18,9 +18,9 @@ def export(
     ] = None,
 ) -> int:
     """Write schedule, gains, covariance and the rest of a run for another tool."""
+    from occontrol.calls import suggest
     from occontrol.core.errors import UsageError
     from occontrol.files.export import FORMATS, export_run
-    from occontrol.library import suggest
 
     if to not in FORMATS:
         raise UsageError(f"there is no format '{to}'\n  hint: {suggest(to, FORMATS)}")

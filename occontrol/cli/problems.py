@@ -61,9 +61,9 @@ def init(
     ] = None,
 ) -> int:
     """Write a commented problem file that solves as it stands; never over an existing file."""
+    from occontrol.calls import suggest
     from occontrol.core.errors import FileAccessError, UsageError
     from occontrol.families import FAMILIES
-    from occontrol.library import suggest
 
     if family not in FAMILIES:
         raise UsageError(f"there is no family '{family}'\n  hint: {suggest(family, FAMILIES)}")

@@ -22,13 +22,13 @@ def simulate(
     seed: Annotated[int, typer.Option("--seed", help="Seed of the random generator.")] = 0,
 ) -> int:
     """Simulate the plant and the scheduled sensors; the truth goes beside the measurements."""
+    from occontrol.calls import simulate as call_simulate
     from occontrol.cli.watch import watched
     from occontrol.core.errors import ProblemError
     from occontrol.files.plain_json import to_json
     from occontrol.files.problem_file import document, read_problem
     from occontrol.files.run_folder import RESULT, check_writable, read_run
     from occontrol.files.tables import write_measurements, write_truth
-    from occontrol.library import simulate as library_simulate
 
     problem, solution = read_problem(file), None
     check_writable(out.parent)
@@ -45,7 +45,7 @@ def simulate(
             solution = run_method(problem, None, monitor)
         if monitor.interrupted:
             raise KeyboardInterrupt
-    measurements, truth = library_simulate(problem, solution, seed)
+    measurements, truth = call_simulate(problem, solution, seed)
     write_measurements(out, measurements)
     beside = out.with_name(out.stem + ".truth.csv")
     write_truth(beside, truth)

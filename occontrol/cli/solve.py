@@ -87,13 +87,13 @@ def run_method(problem: Any, name: str | None, monitor: Watched) -> Solution:
     name : method name, or None
     monitor : Watched
     """
-    from occontrol.library import choose_method
-    from occontrol.library import solve as library_solve
+    from occontrol.calls import choose_method
+    from occontrol.calls import solve as call_solve
 
     method = None if name is None else choose_method(problem, name)
     options = method if method is not None else getattr(problem, "method", None)
     monitor.target = getattr(options, "relative_gap", None)
-    return library_solve(problem, method, monitor)
+    return call_solve(problem, method, monitor)
 
 
 def write_with_figures(folder: Path, problem: Any, solution: Solution, figures: bool = True) -> dict[str, Any]:

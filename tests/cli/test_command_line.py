@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 import occontrol
+from occontrol.calls import choose_method
 from occontrol.cli import run
 from occontrol.core.errors import SolveFailed, UsageError
 from occontrol.core.solution import Solution, Status
 from occontrol.files.run_folder import read_run
-from occontrol.library import choose_method
 
 Captured = pytest.CaptureFixture[str]
 

@@ -8,6 +8,7 @@ import pickle
 import numpy as np
 import pytest
 
+from occontrol.calls import choose_method
 from occontrol.core.errors import ProblemError
 from occontrol.core.jump_plant import JumpPlant, Mode
 from occontrol.core.jump_sensor import JumpSensor
@@ -17,7 +18,6 @@ from occontrol.core.solution import Status
 from occontrol.families import hybrid
 from occontrol.families.hybrid_methods import Alternate, ExpectedCovariance, Fixed, Random, Scheduled
 from occontrol.families.hybrid_problem import Problem
-from occontrol.library import choose_method
 
 NAMED = ("average_rms", "peak_rms", "mode_errors")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.calls import choose_method
 from occontrol.core.discrete_sensor import DiscreteSensor
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.monitor import Monitor
@@ -17,7 +18,6 @@ from occontrol.core.solution import Status
 from occontrol.families import vlambda
 from occontrol.families.vlambda import Problem, solve
 from occontrol.files.problem_file import read_problem
-from occontrol.library import choose_method
 from occontrol.solvers.choosers import Fixed, Lookahead, Optimal
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

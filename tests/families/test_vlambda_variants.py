@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.calls import choose_method
 from occontrol.core.discrete_sensor import DiscreteSensor, Region
 from occontrol.core.plant import DiscretePlant
 from occontrol.core.solution import Status
 from occontrol.families import vlambda
 from occontrol.families.vlambda import Problem, solve
 from occontrol.files.problem_file import read_problem
-from occontrol.library import choose_method
 from occontrol.solvers.choosers import Eigenspace, Fixed, Lookahead, Optimal, Random, RoundRobin, Trace
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
