@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
-import pytest
+# before numpy is there: threads of several workers on the same cores would wait for each other
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
-from occontrol.core.solution import Solution
+import pytest  # noqa: E402
+
+from occontrol.core.solution import Solution  # noqa: E402
 
 SMALL = """\
 family: athans
