@@ -8,9 +8,9 @@ import inspect
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from occontrol.core.errors import UsageError
+from occontrol.core.errors import InfeasibleError, UsageError
 from occontrol.core.monitor import Monitor
-from occontrol.core.solution import Solution
+from occontrol.core.solution import Solution, Status
 from occontrol.families import FAMILIES, family_module
 
 if TYPE_CHECKING:
@@ -65,6 +65,12 @@ def _ability(problem: Any, name: str, what: str) -> Any:
     return function
 
 
+def _require_schedule(solution: Solution | None) -> None:
+    """InfeasibleError, with the solver's reason, when the solution says that there is no schedule to follow."""
+    if solution is not None and solution.status is Status.INFEASIBLE:
+        raise InfeasibleError(solution.message or solution.status.text)
+
+
 def _offers(family: str, name: str) -> bool:
     try:
         return hasattr(family_module(family), name)
@@ -114,9 +120,11 @@ def simulate(problem: Any, solution: Solution | None, seed: int = 0) -> tuple[li
     solution : Solution whose schedule is followed
     seed : of the random generator; the same seed gives the same data
 
-    Returns (measurements, truth). Raises UsageError for families that cannot.
+    Returns (measurements, truth). Raises UsageError for families that cannot, InfeasibleError when there is no schedule.
     """
-    return _ability(problem, "simulate", "simulate measurements")(problem, solution, seed)
+    function = _ability(problem, "simulate", "simulate measurements")
+    _require_schedule(solution)
+    return function(problem, solution, seed)
 
 
 def run_filter(problem: Any, solution: Solution, measurements: Sequence[Measurement], **options: Any) -> Estimate:
@@ -132,6 +140,7 @@ def run_filter(problem: Any, solution: Solution, measurements: Sequence[Measurem
     Raises UsageError for families without such a filter or option, ProblemError when the measurements do not fit.
     """
     function = _ability(problem, "run_filter", "filter a measurement file")
+    _require_schedule(solution)
     known = inspect.signature(function).parameters
     for name in options:
         if name not in known:

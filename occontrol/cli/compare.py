@@ -59,7 +59,18 @@ def compare(
             note(f"{name}: {text}")
         if solutions:
             _write(folder, problem, solutions, rows, quiet=json)
-    return exit_code(monitor, 0 if solutions else 6)
+        if not any(s.status.exit_code in (0, 5) for s in solutions.values()):
+            for text in dict.fromkeys(s.message or s.status.text for s in solutions.values()):
+                note(text)
+    return exit_code(monitor, _outcome(solutions))
+
+
+def _outcome(solutions: dict[str, Solution]) -> int:
+    """0 as soon as one method has something usable; otherwise why the first one has not."""
+    codes = [s.status.exit_code for s in solutions.values()]
+    if any(code in (0, 5) for code in codes):
+        return 0
+    return codes[0] if codes else 6
 
 
 def _columns(problem: Any) -> Sequence[str]:

@@ -87,6 +87,11 @@ def solve(problem: Problem, method: Any = None, monitor: Monitor | None = None) 
         sequence, mistakes = method.resolve(problem.sensors.names, problem.slots)
         if mistakes:
             raise ProblemError([m.under("method") for m in mistakes])
+    elif isinstance(method, RoundRobin):
+        sequence = [k % len(problem.sensors) for k in range(problem.slots)]
+    elif isinstance(method, Random):
+        drawn = np.random.default_rng(method.seed).integers(len(problem.sensors), size=problem.slots)
+        sequence = [int(i) for i in drawn]
     if isinstance(method, All):
         _refuse_too_many(problem, method)
     slots = table(problem)
@@ -111,11 +116,7 @@ def _baseline(problem: Problem, slots: Slots, method: Any) -> list[int]:
     plant, M, N = problem.plant, slots.sensors, slots.count
     if isinstance(method, OneStep):
         return one_step(slots, plant.weight, plant.center, plant.level)
-    if isinstance(method, BestSingle):
-        return [int(np.argmin(slots.costs(np.repeat(np.arange(M)[:, None], N, axis=1))))] * N
-    if isinstance(method, RoundRobin):
-        return [k % M for k in range(N)]
-    return [int(i) for i in np.random.default_rng(method.seed).integers(M, size=N)]
+    return [int(np.argmin(slots.costs(np.repeat(np.arange(M)[:, None], N, axis=1))))] * N
 
 
 def _optimal(problem: Problem, slots: Slots, method: Optimal, began: float, watch: Monitor) -> Solution:

@@ -136,6 +136,18 @@ class Problem:
         """The size as an object that computes."""
         return Size.of(self.size)
 
+    def require_feasible(self) -> None:
+        """Raise InfeasibleError when the plant is not uniformly robustly observable, whatever the sensors."""
+        import time
+
+        from occontrol.core.errors import InfeasibleError
+        from occontrol.families.robust_result import infeasible
+        from occontrol.numerics.escape import free_weights, smallest
+
+        free = free_weights(self.plant_flow, self.edges)
+        if free is None or smallest(self.plant.weight - free[0]) <= 0:
+            raise InfeasibleError(infeasible(self, "check", time.perf_counter(), None).message)
+
     @cached_property
     def flow(self) -> Flow:
         """The game Riccati flow of the plant with its sensors."""

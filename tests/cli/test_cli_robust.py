@@ -33,6 +33,45 @@ def test_escape_is_exit_4_with_eight_digits(run):
     assert not Path("nowhere").exists()
 
 
+@pytest.mark.parametrize(
+    "words", [["check"], ["compare"], ["compare", "--json"], ["simulate", "--out", "m.csv"]], ids=" ".join
+)
+def test_every_command_says_exit_4_where_no_schedule_exists(run, words):
+    code, _, err = run(words[0], PROBLEMS / "robust_escape.yaml", *words[1:])
+    assert code == 4
+    assert "0.73901883" in err
+    assert "shares slots" not in err
+    assert not Path("m.csv").exists()
+
+
+@pytest.mark.parametrize(("end", "escapes"), [(2.0, False), (4.0, True)])
+def test_a_baseline_that_is_asked_for_has_its_own_escape_time(run, tmp_path, end, escapes):
+    from scipy.integrate import solve_ivp
+
+    def rate(t, q, c):  # of q = 1/P, whose zero is the escape: A = 0.1, B = K = 1
+        return -0.2 * q - (1 - c * c) - q * q
+
+    def zero(t, q, c):
+        return q[0]
+
+    zero.terminal = True
+    q, escape = [1.0], None
+    for k, c in enumerate([0.5, 2.0, 0.5, 2.0]):
+        span = (end / 4 * k, end / 4 * (k + 1))
+        done = solve_ivp(rate, span, q, "DOP853", args=(c,), events=zero, rtol=1e-12, atol=1e-14)
+        if len(done.t_events[0]):
+            escape = float(done.t_events[0][0])
+            break
+        q = done.y[:, -1]
+    path = tmp_path / "turns.yaml"
+    path.write_text((PROBLEMS / "robust_escape.yaml").read_text().replace("end: 2.0", f"end: {end}"))
+    code, out, _ = run("solve", path, "--method", "round-robin", "--json")
+    content = json.loads(out)
+    assert code == 4
+    assert (escape is not None) == escapes
+    assert content["escape_time"] == (pytest.approx(escape, abs=1e-9) if escapes else None)
+
+
 def test_a_run_from_problem_to_filter(run, tmp_path):
     folder, data, out = tmp_path / "run", tmp_path / "m.csv", tmp_path / "f.csv"
     code, text, _ = run("solve", PROBLEMS / "robust_oscillator.yaml", "--json", "--out", folder)
