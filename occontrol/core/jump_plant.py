@@ -11,7 +11,7 @@ import numpy as np
 from occontrol.core.checks import check_covariance, check_shape
 from occontrol.core.errors import Collector, Mistake, ProblemError
 from occontrol.core.guard import Guard, Threshold, check_guards
-from occontrol.core.probabilities import check_distribution, check_vector
+from occontrol.core.probabilities import check_distribution, check_vector, normalised
 from occontrol.core.signal import Signal, as_signal
 
 
@@ -136,7 +136,7 @@ class JumpPlant:
         path = ("initial", "probabilities")
         found = check_vector("probabilities", chances, count, path, f"one per mode, there are {count}")
         found = found or check_distribution("probabilities", chances, self.names, path)
-        object.__setattr__(self, "probabilities", chances if found else chances / chances.sum())
+        object.__setattr__(self, "probabilities", chances if found else normalised(chances))
         wrong += found + self._transitions()
         wrong = wrong or self._unreachable()
         if wrong:
@@ -164,7 +164,7 @@ class JumpPlant:
             what = f"row {i + 1} of the transition matrix (from '{self.names[i]}')"
             found += check_distribution(what, row, self.names, (*path, i))
         if not found:
-            matrix = matrix / matrix.sum(axis=1, keepdims=True)
+            matrix = normalised(matrix)
         object.__setattr__(self, "transition_matrix", matrix)
         return found
 

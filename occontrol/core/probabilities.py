@@ -20,6 +20,16 @@ def check_vector(name: str, vector: np.ndarray, size: int, path: Path, hint: str
     return [] if np.all(np.isfinite(vector)) else [Mistake(path, f"{name} is not finite")]
 
 
+def normalised(rows: np.ndarray) -> np.ndarray:
+    """Distributions (.., outcomes) divided by their sums; those that sum to 1 but for rounding are left alone.
+
+    So doing it twice is doing it once, and a problem that was written and read again is the same to the last bit.
+    """
+    total = rows.sum(axis=-1, keepdims=True)
+    rounding = 4 * np.finfo(float).eps * rows.shape[-1]
+    return np.where(np.abs(total - 1.0) <= rounding, rows, rows / total)
+
+
 def check_distribution(name: str, vector: np.ndarray, outcomes: Sequence[str], path: Path) -> list[Mistake]:
     """Probabilities: not negative, and summing to 1 within 1e-9."""
     if not np.all(np.isfinite(vector)):

@@ -132,3 +132,18 @@ def test_shapes_of_a_mode(arguments, words):
 def test_shapes_of_a_sensor():
     refused(lambda: JumpSensor("s", [[1, 0]], np.eye(2)), "R of sensor 's' is 2x2, its C has 1 row")
     refused(lambda: JumpSensor("s", np.zeros((0, 2)), np.zeros((0, 0))), "C of sensor 's' has no entries")
+
+
+@pytest.mark.parametrize("digits", [16, 9])
+def test_probabilities_are_divided_by_their_sum_once(digits):
+    """What a run folder holds is read again: a second division must not change the last bits."""
+    generator = np.random.default_rng(5)
+    for count in (2, 7, 20):
+        modes = [Mode(str(i), np.eye(2), np.eye(2)) for i in range(count)]
+        rows = np.round(generator.dirichlet(np.ones(count), count), digits)
+        rows[:, 0] = 1.0 - rows[:, 1:].sum(axis=1) + 3e-10 * (digits == 9)
+        once = JumpPlant(modes, np.eye(2), probabilities=rows[0], transition_matrix=rows)
+        twice = JumpPlant(modes, np.eye(2), probabilities=once.probabilities, transition_matrix=once.transition_matrix)
+        assert np.array_equal(once.transition_matrix, twice.transition_matrix)
+        assert np.array_equal(once.probabilities, twice.probabilities)
+        assert np.max(np.abs(once.transition_matrix.sum(axis=1) - 1)) < 1e-14
