@@ -120,7 +120,7 @@ def simulate(problem: Any, solution: Solution | None, seed: int = 0) -> tuple[li
     solution : Solution whose schedule is followed
     seed : of the random generator; the same seed gives the same data
 
-    Returns (measurements, truth). Raises UsageError for families that cannot, InfeasibleError when there is no schedule.
+    Returns (measurements, truth). Raises UsageError for families that cannot, InfeasibleError without a schedule.
     """
     function = _ability(problem, "simulate", "simulate measurements")
     _require_schedule(solution)

@@ -56,26 +56,34 @@ class Problem:
     def __post_init__(self) -> None:
         found = Collector()
         if not isinstance(self.sensors, SensorSuite):
+            object.__setattr__(self, "sensors", tuple(self.sensors))
             with found.under("sensors"):
-                object.__setattr__(self, "sensors", SensorSuite(tuple(self.sensors)))
-        edges = np.asarray(self.edges, dtype=float)
+                object.__setattr__(self, "sensors", SensorSuite(self.sensors))
+        known = self._check_edges(found)
+        if isinstance(self.samples, bool) or int(self.samples) != self.samples or not 1 <= self.samples <= 100_000:
+            found.add(("horizon", "samples"), f"horizon.samples is {self.samples}", "a whole number from 1 to 100000")
+        self._check_size(found)
+        found.mistakes += self._shapes()
+        if known:
+            found.mistakes += self._values()
+        if self.method is not None and hasattr(self.method, "resolve"):
+            # without a horizon the names can still be looked at
+            slots = self.slots if known else len(self.method.sequence)
+            wrong = self.method.resolve([sensor.name for sensor in self.sensors], slots)[1]
+            found.mistakes += [m.under("method") for m in wrong]
+        found.raise_if_any()
+
+    def _check_edges(self, found: Collector) -> bool:
+        edges = np.empty(0) if self.edges is None else np.asarray(self.edges, dtype=float)
         object.__setattr__(self, "edges", edges)
+        before = len(found.mistakes)
         if edges.ndim != 1 or len(edges) < 2:
             found.add(("horizon",), "the horizon has no slots", "slots: at least 1")
         elif not np.all(np.isfinite(edges)) or np.any(np.diff(edges) <= 0):
             found.add(("horizon",), "the switching times do not increase", "end must lie after the start")
         elif len(edges) - 1 > MOST_SLOTS:
             found.add(("horizon", "slots"), f"there are {len(edges) - 1} slots", f"at most {MOST_SLOTS}")
-        if isinstance(self.samples, bool) or int(self.samples) != self.samples or not 1 <= self.samples <= 100_000:
-            found.add(("horizon", "samples"), f"horizon.samples is {self.samples}", "a whole number from 1 to 100000")
-        self._check_size(found)
-        found.raise_if_any()
-        mistakes = self._shapes() or self._values()
-        if self.method is not None and hasattr(self.method, "resolve"):
-            wrong = self.method.resolve(self.sensors.names, self.slots)[1]
-            mistakes += [m.under("method") for m in wrong]
-        if mistakes:
-            raise ProblemError(mistakes)
+        return len(found.mistakes) == before
 
     def _check_size(self, found: Collector) -> None:
         terms = {self.size: 1.0} if isinstance(self.size, str) else self.size
@@ -99,18 +107,19 @@ class Problem:
                 rows, columns = sensor.C.shape
                 what = f"C of sensor '{sensor.name}' is {rows}x{columns}, but the plant has {n} state{'s' * (n != 1)}"
                 found.append(Mistake(("sensors", j, "C"), what, "a row of C has one entry per state"))
+        return found
+
+    def _values(self) -> list[Mistake]:
+        """Tables that end too soon, formulas that are not finite somewhere."""
+        share = np.linspace(0, 1, 9)[:-1]
+        times = np.append((self.edges[:-1, None] + np.diff(self.edges)[:, None] * share).ravel(), self.edges[-1])
+        found = []
         for path, signal in self.signals.items():
             if isinstance(signal, TableSignal) and not signal.covers(self.edges[0], self.edges[-1]):
                 span = f"[{signal.times[0]:g}, {signal.times[-1]:g}]"
                 what = f"the table covers {span}, the horizon is [{self.edges[0]:g}, {self.edges[-1]:g}]"
                 found.append(Mistake(path, what, "tabulate the whole horizon"))
-        return found
-
-    def _values(self) -> list[Mistake]:
-        share = np.linspace(0, 1, 9)[:-1]
-        times = np.append((self.edges[:-1, None] + np.diff(self.edges)[:, None] * share).ravel(), self.edges[-1])
-        found = []
-        for path, signal in self.signals.items():
+                continue
             of = f" of sensor '{self.sensors[path[1]].name}'" if path[0] == "sensors" else ""
             found += check_finite(f"{path[-1]}{of}", signal, times, path)
         return found

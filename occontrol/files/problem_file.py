@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from occontrol.core.errors import FileAccessError, Mistake, ProblemError
+from occontrol.core.errors import Path as Place
 from occontrol.files.positions import Text, at
 
 MAX_YAML = 2 * 2**20
@@ -30,9 +31,16 @@ class LoadedDocument:
 
         context = Context(self.text.data, self.path.parent, self.path.stem)
         context.found.mistakes += self.text.mistakes
+        lacking: set[Place] = set()
         try:
-            document = validate(self.schema.Document, self.text.data, context.found)
-            problem = self.schema.build(document, context)
+            document = validate(self.schema.Document, self.text.data, context.found, lacking)
+            said = list(context.found.mistakes)
+            with context.found.under():
+                problem = self.schema.build(document, context)
+            # nothing that is said about the stand-ins for what is lacking counts
+            context.found.mistakes = [
+                m for m in context.found.mistakes if m in said or not any(m.path[: len(p)] == p for p in lacking)
+            ]
             context.found.raise_if_any()
             return problem
         except ProblemError as error:

@@ -6,7 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from occontrol.core.errors import Mistake
+from occontrol.core.errors import Collector, Mistake
+
+
+def _at_least_one(options: object, *keys: str) -> None:
+    found = Collector()
+    for key in keys:
+        if getattr(options, key) < 1:
+            found.add((key,), f"{key} is {getattr(options, key)}, it must be at least 1")
+    found.raise_if_any()
 
 
 @dataclass(frozen=True)
@@ -30,9 +38,7 @@ class Optimal:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        for key in ("node_limit", "width", "merge_above"):
-            if getattr(self, key) < 1:
-                raise ValueError(f"{key} is {getattr(self, key)}, it must be at least 1")
+        _at_least_one(self, "node_limit", "width", "merge_above")
 
 
 @dataclass(frozen=True)
@@ -89,6 +95,9 @@ class All:
 
     name: ClassVar[str] = "all"
     limit: int = 300_000
+
+    def __post_init__(self) -> None:
+        _at_least_one(self, "limit")
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 import typing
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import Annotated, Any
+from typing import Annotated, Any, get_origin
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, WithJsonSchema
@@ -17,7 +18,7 @@ from occontrol.core.signal import Signal
 from occontrol.files.plain_json import plain as plain  # for the schemas of the families
 from occontrol.files.schema.matrices import ENTRY, MATRIX_SCHEMA, MatrixReader
 from occontrol.files.schema.tables import TableFiles
-from occontrol.files.schema.words import shown, spell, suggest, translate
+from occontrol.files.schema.words import model_at, real_path, shown, spell, suggest, translate, value_at
 
 NOT_NEGATIVE = {"relative_gap", "max_iterations", "time_limit", "polish", "seed", "depth"}
 
@@ -167,13 +168,13 @@ class Context:
         for key in NOT_NEGATIVE & given.keys():
             if given[key] is not None and given[key] < 0:
                 self.found.add(("method", key), f"method.{key} is {given[key]:g}, it must not be negative")
-        if len(self.found.mistakes) > before:
-            return None
+        said = {m.path for m in self.found.mistakes[before:]}
         try:
-            return self.attempt(methods[name], "method", **given)
+            method = self.attempt(methods[name], "method", **{k: v for k, v in given.items() if ("method", k) not in said})
         except (TypeError, ValueError) as error:
             self.found.add(("method",), f"method: {error}")
             return None
+        return method if len(self.found.mistakes) == before else None
 
     def expect(self, value: Any) -> dict[str, Any] | None:
         """The known answer: words, finite numbers, and lists of them."""
@@ -197,21 +198,47 @@ def _known(methods: typing.Mapping[str, type]) -> str:
     return "known: " + ", ".join(methods)
 
 
-def validate(model: type[BaseModel], data: Any, found: Collector) -> Any:
+def validate(model: type[BaseModel], data: Any, found: Collector, lacking: set[Path]) -> Any:
     """The document as a `model`; all mistakes are reported together.
 
-    What is wrong but could be left out (unknown keys, optional values) is noted in `found` and left out, so that the
-    rest is still checked; what cannot be left out raises ProblemError.
+    What is wrong but could be left out (unknown keys, optional values) is noted in `found` and left out; what is absent
+    is noted, gets a stand-in and goes to `lacking`: whatever is said about a stand-in later means nothing. So the rest
+    is still checked. Where nothing can stand in, raises ProblemError.
     """
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        mistakes = translate(error, model, data)
-        found.mistakes += mistakes
-    try:
-        return model.model_validate(_without(data, [m.path for m in mistakes if m.path]))
-    except ValidationError:
-        raise ProblemError(found.mistakes) from None
+        found.mistakes += translate(error, model, data)
+        errors = error.errors(include_url=False)
+    data = copy.deepcopy(data)
+    for _ in range(5):  # a stand-in may itself lack something
+        absent = [real_path(e["loc"], data) for e in errors if e["type"] == "missing"]
+        wrong = [real_path(e["loc"], data) for e in errors if e["type"] != "missing"]
+        stand_ins = {path for path in absent if _stand_in(model, data, path)}
+        lacking |= stand_ins
+        data = _without(data, [p for p in wrong if p] + [p[:-1] for p in absent if p not in stand_ins and p[:-1]])
+        try:
+            return model.model_validate(data)
+        except ValidationError as error:
+            errors = error.errors(include_url=False)
+    raise ProblemError(found.mistakes) from None
+
+
+def _stand_in(model: type[BaseModel], data: dict, path: Path) -> bool:
+    """Put something harmless where a value is missing; False when nothing is."""
+    owner, inside = model_at(model, path[:-1]), value_at(data, path[:-1])
+    field = owner.model_fields.get(str(path[-1])) if owner else None
+    if field is None or not isinstance(inside, dict):
+        return False
+    if model_at(model, path) is not None and get_origin(field.annotation) is not list:
+        inside[path[-1]] = {}
+    elif field.annotation is str:
+        inside[path[-1]] = spell(path[:-1])
+    elif field.annotation is Any:
+        inside[path[-1]] = None
+    else:
+        return False
+    return True
 
 
 def _without(data: Any, paths: list[Path]) -> Any:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
-from occontrol.core.errors import Path, ProblemError
+from occontrol.core.errors import Path
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal
 from occontrol.core.uncertain_plant import UncertainPlant
@@ -89,22 +89,23 @@ def build(document: Document, context: Context) -> Problem:
     edges = _edges(document.horizon, context)
     method = context.method(document.method, family_module("robust").METHODS)
     expect = context.expect(document.expect)
-    plant = _plant(document.plant, context)
-    if plant is None:
-        raise ProblemError(found.mistakes)
+    plant = _plant(document, context)
     sensors = [_sensor(entry, j, plant.states, context) for j, entry in enumerate(document.sensors)]
     # stand-ins for what is already known to be wrong let the problem look at all the rest
+    before = len(found.mistakes)
     problem = context.attempt(
         Problem,
         name=name,
         plant=plant,
         sensors=sensors,
-        edges=[0.0, 1.0] if edges is None else edges,
+        edges=edges,
         size=document.size,
         samples=document.horizon.samples,
-        method=None if edges is None else method,
+        method=method,
         expect=expect,
     )
+    if edges is None:  # what is wrong with the horizon has been said in its own words
+        found.mistakes[before:] = [m for m in found.mistakes[before:] if m.path != ("horizon",)]
     found.raise_if_any()
     return problem
 
@@ -165,17 +166,15 @@ def _switching(horizon: Horizon, start: float, context: Context) -> Any:
     return np.array([start, *inner, last])
 
 
-def _plant(entry: Plant, context: Context) -> UncertainPlant | None:
-    """The plant; with stand-ins for what is wrong (that is noted), as long as A can be had."""
+def _plant(document: Document, context: Context) -> UncertainPlant:
+    """The plant, with stand-ins for what is wrong (that is noted)."""
+    entry = document.plant
     parts: dict[str, Any] = {key: context.signal(getattr(entry, key), "plant", key) for key in ("A", "B", "K")}
     parts["weight"] = context.constant(entry.initial.weight, "plant", "initial", "weight")
     center = entry.initial.center
     parts["center"] = None if center is None else context.vector(center, "plant", "initial", "center")
     parts["level"] = entry.initial.level
-    A = parts["A"]
-    if A is None:
-        return None
-    n = A.shape[1]
+    n = _states(parts, document)
     stand_in: dict[str, Any] = {"A": np.zeros((n, n)), "B": np.zeros((n, 1)), "K": np.zeros((1, n))}
     stand_in |= {"weight": np.eye(n), "center": None, "level": 1.0}
     values = {key: stand_in[key] if value is None else value for key, value in parts.items()}
@@ -188,6 +187,17 @@ def _plant(entry: Plant, context: Context) -> UncertainPlant | None:
         bad = {m.path[1] for m in fresh if len(m.path) > 1}
         plant = UncertainPlant(**{key: stand_in[key] if key in bad else value for key, value in values.items()})
     return plant
+
+
+def _states(parts: dict[str, Any], document: Document) -> int:
+    """The number of states: what A says; where A cannot be read, what most of the other parts agree on."""
+    if parts["A"] is not None:
+        return parts["A"].shape[0]
+    rows = document.plant.A
+    said = [len(rows)] if isinstance(rows, list) and rows else []
+    said += [parts[key].shape[axis] for key, axis in (("weight", 0), ("B", 0), ("K", 1)) if parts[key] is not None]
+    said += [] if parts["center"] is None else [len(parts["center"])]
+    return max(said, key=said.count) if said else 1
 
 
 def _sensor(entry: SensorEntry | str, index: int, states: int, context: Context) -> Sensor:
