@@ -56,7 +56,7 @@ def run_filter(problem: Problem, solution: Solution, measurements: Sequence[Meas
     ----------
     problem : Problem
     solution : Solution; not looked at, the estimator follows the measurements
-    measurements : list of Measurement with time = k
+    measurements : list of Measurement with time = k; a value that is NaN is missing
 
     Raises ProblemError for unknown sensors, wrong numbers of values, and times that are not steps.
     """
@@ -66,10 +66,13 @@ def run_filter(problem: Problem, solution: Solution, measurements: Sequence[Meas
     found = filter_measurements(problem.plant, problem.sensors, int(problem.steps), readings)
     deviation = np.sqrt(np.maximum(np.diagonal(found.covariance, axis1=1, axis2=2), 0.0))
     empty, last = np.zeros((problem.steps + 1, 0)), int(np.argmax(found.probabilities[-1]))
-    silent = sum(k not in readings for k in range(1, problem.steps + 1))
+    silent = sum(not found.dimension[k] for k in range(1, problem.steps + 1))
+    holes = sum(int(np.isnan(values).sum()) for given in readings.values() for _, values in given)
     notes = [f"the most probable mode at the end is {problem.plant.names[last]} ({found.probabilities[-1, last]:.3g})"]
     if silent:
         notes.append(f"{silent} of {problem.steps} steps have no measurement: the estimate is predicted there")
+    if holes:
+        notes.append(f"{holes} value{'s' * (holes != 1)} missing: what else was read at these steps is used")
     return Estimate(
         times=np.arange(problem.steps + 1.0),
         mean=found.mean,
@@ -84,20 +87,29 @@ def run_filter(problem: Problem, solution: Solution, measurements: Sequence[Meas
 
 
 def _readings(problem: Problem, measurements: Sequence[Measurement]) -> dict[int, list[tuple[int, np.ndarray]]]:
+    """Sensors and values by step; several mistakes are reported together."""
     readings: dict[int, list[tuple[int, np.ndarray]]] = {}
+    found: list[Mistake] = []
     for m in measurements:
-        where = f"line {m.line}: " if m.line else ""
+        place = f"line {m.line}" if m.line else ""
         k = round(m.time) if np.isfinite(m.time) else 0
-        if abs(m.time - k) > 1e-9 or not 1 <= k <= problem.steps:
-            raise ProblemError(Mistake((), f"{where}t = {m.time:g} is not a step", f"t is 1, 2, .. {problem.steps}"))
+        values = np.atleast_1d(np.asarray(m.values, dtype=float))
         if m.sensor not in problem.sensors.names:
             known = ", ".join(problem.sensors.names)
-            raise ProblemError(Mistake((), f"{where}there is no sensor '{m.sensor}'", f"the sensors are: {known}"))
+            found.append(Mistake((), f"there is no sensor '{m.sensor}'", f"the sensors are: {known}", place=place))
+            continue
         j = problem.sensors.index(m.sensor)
-        if len(m.values) != problem.sensors[j].rows or not np.all(np.isfinite(m.values)):
-            what = f"{where}sensor '{m.sensor}' has {problem.sensors[j].rows} values, {len(m.values)} are given"
-            raise ProblemError(Mistake((), what, "one finite number per row of its C"))
-        if any(j == other for other, _ in readings.get(k, [])):
-            raise ProblemError(Mistake((), f"{where}sensor '{m.sensor}' reports twice at t = {k}"))
-        readings.setdefault(k, []).append((j, np.asarray(m.values, dtype=float)))
+        rows = problem.sensors[j].rows
+        if abs(m.time - k) > 1e-9 or not 1 <= k <= problem.steps:
+            found.append(Mistake((), f"t = {m.time:g} is not a step", f"t is 1, 2, .. {problem.steps}", place=place))
+        elif values.shape != (rows,) or np.any(np.isinf(values)):
+            came = "an infinite one" if values.shape == (rows,) else f"{values.size} came"
+            what = f"sensor '{m.sensor}' has {rows} value{'s' * (rows != 1)}, {came}"
+            found.append(Mistake((), what, "leave a missing value empty, or its line out", place=place))
+        elif any(j == other for other, _ in readings.get(k, [])):
+            found.append(Mistake((), f"sensor '{m.sensor}' reports twice at t = {k}", place=place))
+        else:
+            readings.setdefault(k, []).append((j, values))
+    if found:
+        raise ProblemError(found)
     return readings

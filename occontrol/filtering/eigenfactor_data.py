@@ -51,7 +51,7 @@ def filter_measurements(
     Parameters
     ----------
     plant, starts, select, chooser : as in OnlineSelector
-    measurements : t must be a step k; at most one per sensor and step
+    measurements : t must be a step k; at most one per sensor and step; a value that is NaN is missing
 
     Returns
     -------
@@ -61,7 +61,7 @@ def filter_measurements(
     """
     by_step = _by_step(plant, measurements)
     loop = OnlineSelector(plant, starts, select, chooser)
-    steps, covariances, missing, extra = [], [], 0, 0
+    steps, covariances, missing, extra, holes = [], [], 0, 0, 0
     while not loop.finished:
         k = loop.step_number
         given = by_step.get(k, {})
@@ -73,10 +73,15 @@ def filter_measurements(
         covariances.append(loop.posterior.covariance * np.outer(plant.scales, plant.scales))
         missing += len(steps[-1].missing)
         extra += len(set(given) - planned)
+        gone = [int(np.isnan(m.values).sum()) for m in given.values()]
+        holes += sum(count for count, m in zip(gone, given.values(), strict=True) if count < len(m.values))
     notes = list(loop.filter.notes)
     if missing:
         s = "s" * (missing != 1)
         notes.append(f"{missing} planned sample{s} missing: no update there, the covariance is not the run's")
+    if holes:
+        s = "s" * (holes != 1)
+        notes.append(f"{holes} value{s} missing: what else the sensor read is used, the covariance is not the run's")
     if extra:
         notes.append(
             f"{extra} sample{'s' * (extra != 1)} of sensors that were not selected at that step: used all the same"
@@ -113,9 +118,11 @@ def _by_step(plant: SampledPlant, measurements: Sequence[Measurement]) -> dict[i
         elif abs(m.time - k) > 1e-9 or not 0 <= k < plant.steps:
             what = f"t = {m.time:g} is not a step of the horizon"
             mistakes.append(Mistake((), what, f"t is k = 0 .. {plant.steps - 1}", place=where))
-        elif len(m.values) != rows[m.sensor] or not np.all(np.isfinite(m.values)):
-            what = f"sensor '{m.sensor}' has {rows[m.sensor]} values, {len(m.values)} came"
-            mistakes.append(Mistake((), what, place=where))
+        elif len(m.values) != rows[m.sensor] or np.any(np.isinf(m.values)):
+            s, came = "s" * (rows[m.sensor] != 1), len(m.values)
+            infinite = "an infinite one" if came == rows[m.sensor] else f"{came} came"
+            what = f"sensor '{m.sensor}' has {rows[m.sensor]} value{s}, {infinite}"
+            mistakes.append(Mistake((), what, "leave a missing value empty, or its line out", place=where))
         elif m.sensor in found.setdefault(k, {}):
             mistakes.append(Mistake((), f"sensor '{m.sensor}' is there twice at k = {k}", place=where))
         else:

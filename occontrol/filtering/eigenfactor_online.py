@@ -111,13 +111,32 @@ class OnlineSelector:
         H, R = sampled.matrices(k, k + 1, where)
         return H[0], R[0]
 
+    def _arrived(
+        self, pairs: dict[int, tuple[np.ndarray, np.ndarray]], measurements: Mapping[str, np.ndarray]
+    ) -> tuple[dict[int, tuple[np.ndarray, np.ndarray]], np.ndarray | None]:
+        """H and R of the values that are no NaN, by sensor, and these values, whitened."""
+        kept, values = {}, []
+        for j, (H, R) in pairs.items():
+            name = self.plant.names[j]
+            given = np.atleast_1d(np.asarray(measurements[name], dtype=float))
+            if given.shape != (len(H),):
+                raise UsageError(f"sensor '{name}' has {len(H)} values, {given.size} came at k = {self.filter.step}")
+            if np.any(np.isinf(given)):
+                raise UsageError(f"sensor '{name}' brings an infinite value at k = {self.filter.step}")
+            there = np.flatnonzero(~np.isnan(given))
+            if len(there):
+                kept[j] = H[there], R[np.ix_(there, there)]
+                values.append(np.linalg.solve(np.linalg.cholesky(kept[j][1]), given[there]))
+        return kept, np.concatenate(values) if values else None
+
     def step(self, measurements: Mapping[str, np.ndarray] | None = None) -> OnlineStep:
         """Take the measurements of the current step in, go on to the next.
 
         Parameters
         ----------
-        measurements : values (m,) by sensor name; a selected sensor that is left out counts as missing, another
-            sensor's values are used too. None: every selected sensor measures, only the covariance is wanted.
+        measurements : values (m,) by sensor name; a selected sensor that is left out counts as missing, and so does a
+            single value that is NaN; another sensor's values are used too. None: every selected sensor measures,
+            only the covariance is wanted.
 
         Returns OnlineStep. Raises UsageError after the end of the horizon or for a sensor that does not exist.
         """
@@ -130,20 +149,13 @@ class OnlineSelector:
         if unknown:
             raise UsageError(f"there is no sensor '{unknown[0]}'\n  hint: there are: {', '.join(names)}")
         used = planned if measurements is None else [j for j, name in enumerate(names) if name in measurements]
-        missing = tuple(names[j] for j in planned if j not in used)
+        pairs, values = {j: self.matrices(j) for j in used}, None
+        if measurements is not None:
+            pairs, values = self._arrived(pairs, measurements)
+        missing = tuple(names[j] for j in planned if j not in pairs)
         innovation, dimension = float("nan"), 0
-        if used:
-            pairs = [self.matrices(j) for j in used]
-            rows = np.concatenate([np.linalg.solve(np.linalg.cholesky(R), H) for H, R in pairs])
-            values = None
-            if measurements is not None:
-                given = [np.atleast_1d(np.asarray(measurements[names[j]], dtype=float)) for j in used]
-                for j, value, (H, _) in zip(used, given, pairs, strict=True):
-                    if value.shape != (len(H),):
-                        raise UsageError(f"sensor '{names[j]}' has {len(H)} values, {value.size} came at k = {k}")
-                values = np.concatenate(
-                    [np.linalg.solve(np.linalg.cholesky(R), value) for value, (_, R) in zip(given, pairs, strict=True)]
-                )
+        if pairs:
+            rows = np.concatenate([np.linalg.solve(np.linalg.cholesky(R), H) for H, R in pairs.values()])
             innovation = self.filter.measure(rows, values)
             dimension = 0 if values is None else len(values)
         self.posterior, mean = self.filter.factors, self.filter.mean * self.plant.scales

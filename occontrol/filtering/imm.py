@@ -161,7 +161,7 @@ def filter_measurements(
     plant : JumpPlant
     sensors : of JumpSensor
     steps : number of steps
-    readings : by step 1 .. steps: (position of the sensor, its values)
+    readings : by step 1 .. steps: (position of the sensor, its values); a value that is NaN is missing
 
     Returns
     -------
@@ -186,6 +186,9 @@ def filter_measurements(
                 R[row : row + p, row : row + p] = model.R[a, j, :p, :p]
                 row += p
             values = np.concatenate([z for _, z in given]).astype(float)
+            there = np.flatnonzero(~np.isnan(values))
+            C, R, values = C[there].copy(), R[np.ix_(there, there)].copy(), values[there]
+        if given and len(values):
             nis[k], dimension[k] = _normalised(chances, means, covariances, C, R, values), len(values)
             means, covariances, likelihoods = correct(means, covariances, C, R, values)
             chances = weigh_modes(chances, likelihoods)

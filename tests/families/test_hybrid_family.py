@@ -136,13 +136,52 @@ def test_measurements_of_a_run_can_be_filtered():
         (Measurement(1.0, "nowhere", np.array([1.0]), 2), "line 2: there is no sensor 'nowhere'"),
         (Measurement(1.5, "near", np.array([1.0]), 3), "line 3: t = 1.5 is not a step"),
         (Measurement(26.0, "near", np.array([1.0])), "t = 26 is not a step"),
-        (Measurement(1.0, "near", np.array([1.0, 2.0])), "sensor 'near' has 1 values, 2 are given"),
+        (Measurement(1.0, "near", np.array([1.0, 2.0])), "sensor 'near' has 1 value, 2 came"),
     ],
 )
 def test_measurements_that_do_not_fit(measurement, words):
     problem = make()
     with pytest.raises(ProblemError, match=words):
         hybrid.run_filter(problem, hybrid.solve(problem, Alternate()), [measurement])
+
+
+def test_missing_values_are_left_out_and_announced():
+    """A value that is not there is a row of C and R that is not there, whether alone or with the whole sample."""
+    both = JumpSensor("both", [[1, 0], [0, 1]], [[0.5, 0.2], [0.2, 0.3]])
+    upper, lower = JumpSensor("both", [[1, 0]], [[0.5]]), JumpSensor("both", [[0, 1]], [[0.3]])
+    nan = float("nan")
+    read = [[0.4, 0.3], [nan, 0.1], [nan, nan], [0.9, nan]]
+    given = [Measurement(k + 1.0, "both", np.array(z), k + 2) for k, z in enumerate(read)]
+    estimates = {}
+    for name, sensor, kept in (
+        ("both", both, given),
+        ("whole lines", both, [m for m in given if not np.all(np.isnan(m.values))]),
+        ("upper", upper, [Measurement(1.0, "both", np.array([0.4]))]),
+        ("lower", lower, [Measurement(1.0, "both", np.array([0.3])), Measurement(2.0, "both", np.array([0.1]))]),
+    ):
+        problem = make(sensors=[sensor], steps=4)
+        estimates[name] = hybrid.run_filter(problem, hybrid.solve(problem, Alternate()), kept)
+    found, whole = estimates["both"], estimates["whole lines"]
+    assert np.array_equal(found.mean, whole.mean)
+    assert list(found.dimension) == [0, 2, 1, 0, 1]
+    assert "1 of 4 steps have no measurement: the estimate is predicted there" in found.notes
+    assert any("4 values missing" in note for note in found.notes)
+    # the same step with the sensor that has only the other row
+    for name, rest, k in (("lower", [0.3, 0.1], 2), ("upper", [0.4], 1)):
+        problem = make(sensors=[both], steps=4)
+        holes = [[nan, z] if name == "lower" else [z, nan] for z in rest]
+        filled = [Measurement(i + 1.0, "both", np.array(z)) for i, z in enumerate(holes)]
+        partial = hybrid.run_filter(problem, hybrid.solve(problem, Alternate()), filled)
+        assert partial.mean[: k + 1] == pytest.approx(estimates[name].mean[: k + 1], abs=1e-14)
+        assert partial.covariance[: k + 1] == pytest.approx(estimates[name].covariance[: k + 1], abs=1e-14)
+
+
+def test_several_wrong_measurements_are_reported_together():
+    wrong = [Measurement(0.0, "near", np.ones(1), 2), Measurement(1.0, "nera", np.ones(1), 3)]
+    wrong.append(Measurement(2.0, "far", np.array([np.inf]), 4))
+    with pytest.raises(ProblemError) as caught:
+        hybrid.run_filter(make(), hybrid.solve(make(), Alternate()), wrong)
+    assert [m.place for m in caught.value.mistakes] == ["line 2", "line 3", "line 4"]
 
 
 def test_a_sensor_that_reports_twice_at_a_step():

@@ -103,9 +103,39 @@ def test_missing_and_unplanned_samples_are_used_as_they_are_and_announced(oshman
     assert any("1 sample of sensors that were not selected" in note for note in more.notes)
 
 
+def test_missing_values_of_a_sample_are_left_out_and_announced(oshman):
+    """With values lost the filter is a Kalman filter with the other rows of H and R."""
+    solution = solve(oshman)
+    measurements, _ = simulate(oshman, solution, 1)
+    lost = {4: [0], 30: [1], 31: [0, 1]}
+    holes = []
+    for m in measurements:
+        values = m.values.copy()
+        values[lost.get(int(m.time), [])] = np.nan
+        holes.append(Measurement(m.time, m.sensor, values))
+    estimate = run_filter(oshman, solution, holes)
+    assert estimate.notes == (
+        "1 planned sample missing: no update there, the covariance is not the run's",
+        "2 values missing: what else the sensor read is used, the covariance is not the run's",
+    )
+    x, P = np.zeros(3), 250 * np.eye(3)
+    for m in holes[:60]:
+        k, sensor = int(m.time), oshman.sensors[oshman.sensors.index(m.sensor)]
+        there = [i for i in range(2) if i not in lost.get(k, [])]
+        H, R = sensor.H.at(k)[there], sensor.R.at(k)[np.ix_(there, there)]
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+        x, P = x + K @ (m.values[there] - H @ x), (np.eye(3) - K @ H) @ P @ (np.eye(3) - K @ H).T + K @ R @ K.T
+        assert estimate.mean[k] == pytest.approx(x, rel=1e-9, abs=1e-10)
+        assert estimate.covariance[k] == pytest.approx(P, rel=1e-9, abs=1e-12)
+        assert estimate.dimension[k] == len(there)
+        F = oshman.plant.F.at(k)
+        x, P = F @ x, F @ P @ F.T + oshman.plant.Q.at(k)
+
+
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
+        (Measurement(3.0, "one", np.array([1.0, np.inf]), 9), r"line 9: sensor 'one' has 2 values, an infinite one"),
         (Measurement(3.0, "four", np.zeros(2), 9), r"line 9: there is no sensor 'four'"),
         (Measurement(3.5, "one", np.zeros(2), 9), r"line 9: t = 3.5 is not a step of the horizon"),
         (Measurement(300.0, "one", np.zeros(2), 9), r"t is k = 0 \.\. 299"),
