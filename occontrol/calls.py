@@ -56,7 +56,17 @@ def choose_method(problem: Any, name: str) -> Any:
     return methods[name](**{option: value for option, value in stated.items() if option in known})
 
 
-def _ability(problem: Any, name: str, what: str) -> Any:
+def ability(problem: Any, name: str, what: str) -> Any:
+    """The function `name` of the problem's family.
+
+    Parameters
+    ----------
+    problem : the problem of any family
+    name : such as "certify"
+    what : the same in words, for the message
+
+    Raises UsageError, naming the families that can, when this one cannot.
+    """
     function = getattr(family_module(problem.family), name, None)
     if function is None:
         able = [f for f in FAMILIES if _offers(f, name)]
@@ -107,7 +117,7 @@ def certify(problem: Any, schedule: Schedule, claims: Claims | None = None) -> S
 
     Raises UsageError for families without bounds.
     """
-    judge = _ability(problem, "certify", "certify schedules")
+    judge = ability(problem, "certify", "certify schedules")
     return judge(problem, schedule) if claims is None else judge(problem, schedule, claims)
 
 
@@ -122,7 +132,7 @@ def simulate(problem: Any, solution: Solution | None, seed: int = 0) -> tuple[li
 
     Returns (measurements, truth). Raises UsageError for families that cannot, InfeasibleError without a schedule.
     """
-    function = _ability(problem, "simulate", "simulate measurements")
+    function = ability(problem, "simulate", "simulate measurements")
     _require_schedule(solution)
     return function(problem, solution, seed)
 
@@ -139,7 +149,7 @@ def run_filter(problem: Any, solution: Solution, measurements: Sequence[Measurem
 
     Raises UsageError for families without such a filter or option, ProblemError when the measurements do not fit.
     """
-    function = _ability(problem, "run_filter", "filter a measurement file")
+    function = ability(problem, "run_filter", "filter a measurement file")
     _require_schedule(solution)
     known = inspect.signature(function).parameters
     for name in options:
@@ -160,7 +170,7 @@ def tradeoff(problem: Any, cost_weights: Sequence[float], monitor: Monitor | Non
     Returns a Front. Raises UsageError for families without such a trade-off.
     """
     what = "trade observation cost against prediction error"
-    return _ability(problem, "tradeoff", what)(problem, cost_weights, monitor)
+    return ability(problem, "tradeoff", what)(problem, cost_weights, monitor)
 
 
 def plot(solution: Solution, problem: Any = None, figure: str | None = None) -> dict[str, Figure] | Figure:

@@ -10,6 +10,8 @@ import typer
 from occontrol.cli.output import note, print_json, print_pairs
 from occontrol.cli.solve import JsonFlag
 
+TASK = ("certify", "certify schedules")
+
 
 def certify(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Problem file, or a run folder.", show_default=False)],
@@ -24,6 +26,7 @@ def certify(
     """Recompute cost, lower bound and gap of a schedule from the problem alone."""
     from dataclasses import replace
 
+    from occontrol.calls import ability
     from occontrol.calls import certify as call_certify
     from occontrol.core.errors import UsageError
     from occontrol.core.solution import Status
@@ -35,6 +38,7 @@ def certify(
     claims, listed = None, True
     if file.is_dir():
         problem, recorded = read_run(file)
+        ability(problem, *TASK)
         given = recorded.schedule if schedule is None else read_schedule(schedule, problem)
         run = file if schedule is None else None
     else:
@@ -43,6 +47,7 @@ def certify(
                 "certify needs a schedule\n  hint: occontrol certify FILE SCHEDULE, or occontrol certify RUN"
             )
         problem = read_problem(file)
+        ability(problem, *TASK)  # a family without bounds is a usage mistake, whatever the schedule is
         given = read_schedule(schedule, problem)
         run = schedule if schedule.is_dir() else None
         recorded = None
