@@ -24,7 +24,12 @@ def test_certify_without_bounds_is_a_usage_mistake_however_it_is_called(family: 
     Path("mine.csv").write_text("start,end,sensors\n0,1,ranger\n")
     Path("bad.json").write_text("{")
     words = [["runs/x"], ["x.yaml", "runs/x"], ["runs/x", "mine.csv"]]
-    words += [["x.yaml", "mine.csv"], ["x.yaml", "bad.json"], ["x.yaml", "nowhere.csv"], ["x.yaml", "mine.csv", "--json"]]
+    words += [
+        ["x.yaml", "mine.csv"],
+        ["x.yaml", "bad.json"],
+        ["x.yaml", "nowhere.csv"],
+        ["x.yaml", "mine.csv", "--json"],
+    ]
     for each in words:
         capsys.readouterr()
         assert run(["certify", *each]) == 2
