@@ -62,11 +62,11 @@ class NonlinearMeasurement(Compiled):
             found.mistakes += check_formulas(self.h, (*[f"x{i + 1}" for i in range(self.states)], "t"), "h")
         elif self.model not in MEASUREMENT_MODELS:
             found.mistakes.append(unknown_model("measurement", str(self.model), list(MEASUREMENT_MODELS)))
-        found.raise_if_any()
         count = self.sensors
+        known = self.h is not None or self.model in MEASUREMENT_MODELS
         names = tuple(f"y{i + 1}" for i in range(count)) if self.names is None else tuple(self.names)
         object.__setattr__(self, "names", names)
-        if len(names) != count:
+        if known and len(names) != count:
             found.add(("names",), f"there are {len(names)} names for {count} sensors", "one name per sensor")
         for name in sorted({name for name in names if names.count(name) > 1}):
             found.add(("names",), f"the name '{name}' is used twice", "sensor names must differ")

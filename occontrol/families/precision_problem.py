@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.checks import check_covariance
-from occontrol.core.errors import Collector, InfeasibleError, Mistake, ProblemError
+from occontrol.core.errors import Collector, InfeasibleError, Mistake
 from occontrol.core.nonlinear_measurement import NonlinearMeasurement
 from occontrol.core.nonlinear_plant import NonlinearPlant
 from occontrol.equations.moments import Moments
@@ -20,6 +20,7 @@ from occontrol.solvers.precision_program import PrecisionProgram, examine
 from occontrol.solvers.pruning import Pruning
 
 MOST_MEASUREMENTS = 2000
+SIZE_WORDS = ("it needs", "bounded states")  # in the sentences about sizes that follow from other parts
 
 
 @dataclass(frozen=True)
@@ -90,28 +91,33 @@ class Problem:
                     found.add((key,), f"{key} does not go with moments", "leave it out, or give a plant", key=True)
             assert self.moments is not None
             found.mistakes += _check_moments(self.moments)
+        structure = not found.mistakes or self.moments is not None
+        sized = True
         for key, most in (("batch", 1000), ("batches", 10_000)):
             value = getattr(self, key)
             if isinstance(value, bool) or int(value) != value or not 1 <= value <= most:
                 found.add((key,), f"{key} is {value}", f"a whole number from 1 to {most}")
+                sized &= key != "batch"
             elif self.moments is not None and value != 1:
                 found.add((key,), f"{key} is {value}, but moments are a single batch", "leave it out, or give a plant")
-        found.raise_if_any()
-        if self.measurements > MOST_MEASUREMENTS:
+                object.__setattr__(self, key, 1)  # and so the rest is judged
+        if not structure:
+            found.raise_if_any()
+        if sized and self.measurements > MOST_MEASUREMENTS:
             what = f"there are {self.measurements} precisions to choose (sensors times batch)"
             found.add(("batch",), what, f"at most {MOST_MEASUREMENTS}")
-            found.raise_if_any()
-        found.mistakes += self._check_bound()
+            sized = False
+        found.mistakes += self._check_bound(any(m.path[:1] == ("moments",) for m in found.mistakes))
         for key, lowest, default in (("caps", 0.0, np.inf), ("prices", None, 1.0), ("fixed", 0.0, np.nan)):
-            self._spread(found, key, lowest, default)
-        found.raise_if_any()
-        if isinstance(self.filter, UnscentedFilter):
-            size = self.plant.states + self.batch * noise_root(self.plant.noise).shape[1]  # type: ignore[union-attr]
+            self._spread(found, key, lowest, default, sized)
+        if sized and isinstance(self.filter, UnscentedFilter) and self.plant is not None:
+            size = self.plant.states + self.batch * noise_root(self.plant.noise).shape[1]
             if size + self.filter.kappa <= 0:
                 what = f"kappa is {self.filter.kappa:g}, the augmented state has {size} entries"
-                raise ProblemError(Mistake(("filter", "kappa"), what, f"kappa > {-size}"))
+                found.add(("filter", "kappa"), what, f"kappa > {-size}")
+        found.raise_if_any()
 
-    def _check_bound(self) -> list[Mistake]:
+    def _check_bound(self, moments_wrong: bool) -> list[Mistake]:
         n = self.states
         if (self.bound_factor is None) == (self.bound_matrix is None):
             what = "neither factor nor matrix" if self.bound_factor is None else "both factor and matrix"
@@ -119,6 +125,8 @@ class Problem:
         if self.bound_factor is not None:
             if not (np.isfinite(self.bound_factor) and self.bound_factor > 0):
                 return [Mistake(("bound", "factor"), f"bound.factor is {self.bound_factor:g}", "factor > 0")]
+            if moments_wrong:
+                return []  # it would only be said again
             base = self.moments.state if self.moments is not None else self.plant.covariance  # type: ignore[union-attr]
             matrix, path = self.bound_factor * base, ("bound", "factor")
             name = "the bound (factor times the initial covariance)"
@@ -135,9 +143,9 @@ class Problem:
         object.__setattr__(self, "bound", (matrix + matrix.T) / 2)
         return mistakes
 
-    def _spread(self, found: Collector, key: str, lowest: float | None, default: float) -> None:
-        """A number or a list becomes one number per measurement; mistakes are noted."""
-        value, total, each = getattr(self, key), self.measurements, self.sensor_count
+    def _spread(self, found: Collector, key: str, lowest: float | None, default: float, sized: bool) -> None:
+        """A number or a list becomes one number per measurement; mistakes are noted, those of size if that is known."""
+        value, total, each = getattr(self, key), self.measurements if sized else 0, self.sensor_count
         items = list(value) if isinstance(value, list | tuple | np.ndarray) else [value]
         numbers = np.array([default if v is None else float(v) for v in items])
         bad = ~(numbers > 0 if lowest is None else numbers >= lowest) & ~np.isnan(numbers)
@@ -149,6 +157,8 @@ class Problem:
             where, path = (f" entry {i + 1}", (key, int(i))) if len(items) > 1 else ("", (key,))
             what = f"{key}{where} is {numbers[i]:g}"
             found.add(path, what, "more than 0" if lowest is None else "not negative")
+        if not sized:
+            return
         if len(numbers) == 1:
             numbers = np.full(total, numbers[0])
         elif len(numbers) == each:
@@ -226,12 +236,13 @@ class Problem:
 
 def _check_moments(moments: Moments) -> list[Mistake]:
     n, m = moments.state.shape[0], moments.measurement.shape[0]
+    mistakes = check_covariance("state", moments.state, ("moments", "state"))
+    mistakes += check_covariance("measurement", moments.measurement, ("moments", "measurement"))
     if moments.cross.shape != (n, m):
         rows, columns = moments.cross.shape
         what = f"cross is {rows}x{columns}, but state is {n}x{n} and measurement {m}x{m}"
-        return [Mistake(("moments", "cross"), what, f"it must be {n}x{m}: one row per state, one column per sensor")]
-    mistakes = check_covariance("state", moments.state, ("moments", "state"))
-    mistakes += check_covariance("measurement", moments.measurement, ("moments", "measurement"))
+        hint = f"it must be {n}x{m}: one row per state, one column per sensor"
+        mistakes.append(Mistake(("moments", "cross"), what, hint))
     if mistakes:
         return mistakes
     joint = np.block([[moments.state, moments.cross], [moments.cross.T, moments.measurement]])

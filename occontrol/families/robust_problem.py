@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from occontrol.core.checks import check_finite
-from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.errors import Collector, Mistake
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import Signal, TableSignal
 from occontrol.core.uncertain_plant import UncertainPlant

@@ -40,7 +40,7 @@ class UnscentedFilter:
         found = Collector()
         if not (np.isfinite(self.alpha) and self.alpha > 0):
             found.add(("alpha",), f"alpha is {self.alpha:g}", "alpha > 0")
-        if not np.isfinite(self.beta) or self.beta < self.alpha**2:
+        if not np.isfinite(self.beta) or self.beta < self.alpha * self.alpha:
             found.add(("beta",), f"beta is {self.beta:g}", "beta >= alpha^2: below, the covariance may be indefinite")
         if not np.isfinite(self.kappa):
             found.add(("kappa",), f"kappa is {self.kappa:g}")

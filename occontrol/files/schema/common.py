@@ -168,9 +168,9 @@ class Context:
         for key in NOT_NEGATIVE & given.keys():
             if given[key] is not None and given[key] < 0:
                 self.found.add(("method", key), f"method.{key} is {given[key]:g}, it must not be negative")
-        said = {m.path for m in self.found.mistakes[before:]}
+        wrong = {m.path[1] for m in self.found.mistakes[before:] if len(m.path) > 1}
         try:
-            method = self.attempt(methods[name], "method", **{k: v for k, v in given.items() if ("method", k) not in said})
+            method = self.attempt(methods[name], "method", **{k: v for k, v in given.items() if k not in wrong})
         except (TypeError, ValueError) as error:
             self.found.add(("method",), f"method: {error}")
             return None

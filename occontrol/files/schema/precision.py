@@ -8,8 +8,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from occontrol.core.errors import Path
 from occontrol.core.nonlinear_measurement import NonlinearMeasurement
-from occontrol.families.precision_problem import Problem
+from occontrol.core.nonlinear_plant import NonlinearPlant
+from occontrol.families.precision_problem import SIZE_WORDS, Problem
 from occontrol.files.plain_json import plain
 from occontrol.files.schema.common import (
     Context,
@@ -33,11 +35,15 @@ from occontrol.files.schema.precision_parts import (
     Prune,
     Truth,
     by_name,
+    count_of,
     read_filter,
+    read_measurement,
     read_moments,
     read_numbers,
     read_plant,
+    state_count,
 )
+from occontrol.filtering.unscented import UnscentedFilter
 from occontrol.solvers.pruning import Pruning
 
 
@@ -81,11 +87,13 @@ def build(document: Document, context: Context) -> Problem:
         pruning = Pruning()
     plant = measurement = moments = None
     filter_ = None if document.filter is None else read_filter(document.filter, context)
+    states = 1
     if document.moments is not None:
         moments = read_moments(document.moments, context)
         for key in ("plant", "initial", "noise", "measurement", "filter", "truth"):
             if getattr(document, key) is not None:
                 found.add((key,), f"'{key}' does not go with moments", "moments stand for all of them", key=True)
+        filter_ = None
     elif document.plant is None:
         found.add(
             (), "the problem has neither 'plant' nor 'moments'", "plant, measurement, initial, filter; or moments"
@@ -100,29 +108,20 @@ def build(document: Document, context: Context) -> Problem:
             if getattr(document, key) is None:
                 found.add((), f"the problem has no '{key}'", hint, key=True)
         plant = read_plant(document, context)
-        if document.measurement is not None and plant is not None:
-            entries = None
-            if document.measurement.h is not None:
-                names = (*[f"x{i + 1}" for i in range(plant.states)], "t")
-                entries = context.entries(document.measurement.h, "measurement", "h", variables=names)
-            if document.measurement.h is None or entries is not None:
-                measurement = context.attempt(
-                    NonlinearMeasurement,
-                    "measurement",
-                    states=plant.states,
-                    h=entries,
-                    model=document.measurement.model,
-                    names=document.measurement.names,
-                )
-    found.raise_if_any()
+        states = state_count(document) if plant is None else plant.states
+        if document.measurement is not None:
+            measurement = read_measurement(document.measurement, states, context)
+    # stand-ins for what is already known to be wrong let the problem look at all the rest
+    before, parts = len(found.mistakes), {"moments": moments, "plant": plant, "measurement": measurement}
+    if before and moments is None:
+        parts = _stand_ins(document, plant, measurement, states)
+        filter_ = filter_ or UnscentedFilter()
     problem = context.attempt(
         Problem,
         name=name,
-        moments=moments,
-        plant=plant,
-        measurement=measurement,
+        **parts,
         filter=filter_,
-        bound_factor=document.bound.factor,
+        bound_factor=1.0 if matrix is None and document.bound.matrix is not None else document.bound.factor,
         bound_matrix=matrix,
         batch=document.batch,
         batches=document.batches,
@@ -132,8 +131,29 @@ def build(document: Document, context: Context) -> Problem:
         expect=expect,
         **numbers,
     )
+    unsure: set[Path] = set()
+    if moments is None and plant is None:
+        unsure.add(("bound", "matrix"))
+    counted = moments is not None or plant is not None or (document.measurement and document.measurement.h)
+    if not counted or (moments is None and any(m.path == ("batch",) for m in found.mistakes)):
+        unsure |= {("caps",), ("prices",), ("fixed",)}
+    found.mistakes[before:] = [
+        m for m in found.mistakes[before:] if m.path not in unsure or not any(word in m.what for word in SIZE_WORDS)
+    ]
     found.raise_if_any()
     return problem
+
+
+def _stand_ins(
+    document: Document, plant: NonlinearPlant | None, measurement: NonlinearMeasurement | None, states: int
+) -> dict[str, Any]:
+    """A plant and sensors of the right sizes, for what cannot be had."""
+    entry = document.measurement
+    sensors = states if entry is None or entry.h is None else count_of(entry.h)
+    return {
+        "plant": plant or NonlinearPlant(np.eye(states), f=[0.0] * states),
+        "measurement": measurement or NonlinearMeasurement(states, h=[0.0] * sensors),
+    }
 
 
 def document(problem: Problem) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
+from occontrol.core.nonlinear_measurement import NonlinearMeasurement
 from occontrol.core.nonlinear_plant import LARGEST_SIZE, NonlinearPlant
 from occontrol.equations.moments import Moments
 from occontrol.files.schema.common import Context, Entries, Matrix, Strict, Whole
@@ -103,7 +104,7 @@ def read_numbers(value: Any, key: str, context: Context) -> Any:
     """A number, or a list of numbers and null; what is wrong is noted."""
     if value is None:
         return None
-    items = value if isinstance(value, list) else [value]
+    items, before = value if isinstance(value, list) else [value], len(context.found.mistakes)
     if not items:
         context.found.add((key,), f"{key} is an empty list", "leave it out, or give one entry per sensor")
     for i, item in enumerate(items):
@@ -113,7 +114,7 @@ def read_numbers(value: Any, key: str, context: Context) -> Any:
         if isinstance(item, bool) or not isinstance(item, int | float) or not np.isfinite(item):
             hint = "null in a list: none for this sensor" if key != "prices" else ""
             context.found.add(path, f"{key}{where} is {shown(item)}, it must be a number", hint)
-    return None if context.found.mistakes else value
+    return None if len(context.found.mistakes) > before else value
 
 
 def read_filter(entry: Filter, context: Context) -> Any:
@@ -127,7 +128,8 @@ def read_filter(entry: Filter, context: Context) -> Any:
     wrong = [key for key in given if key not in options]
     for key in wrong:
         context.found.add(("filter", key), f"'{key}' is no option of {entry.name}", suggest(key, options), key=True)
-    return None if wrong else context.attempt(kind, "filter", **given)
+    filter_ = context.attempt(kind, "filter", **{key: given[key] for key in given if key not in wrong})
+    return None if wrong else filter_
 
 
 def read_moments(entry: MomentsEntry, context: Context) -> Moments | None:
@@ -145,31 +147,30 @@ def read_moments(entry: MomentsEntry, context: Context) -> Moments | None:
 
 def read_plant(document: Any, context: Context) -> NonlinearPlant | None:
     """The plant; its mistakes are moved to where the document holds the thing."""
-    entry, initial = document.plant, document.initial
+    entry, initial, found = document.plant, document.initial, context.found
     assert entry is not None
+    before = len(found.mistakes)
     covariance = None if initial is None else _covariance(initial.covariance, context)
-    if covariance is None:
-        return None
-    n = covariance.shape[0]
+    # where something cannot be read, a stand-in lets the rest be looked at
+    n = covariance.shape[0] if covariance is not None else state_count(document)
     mean = None if initial is None or initial.mean is None else _mean(initial.mean, n, context)
     noise = None if document.noise is None else context.constant(document.noise, "noise")
     entries = None
     if entry.f is not None:
         entries = context.entries(entry.f, "plant", "f", variables=(*[f"x{i + 1}" for i in range(n)], "t"))
-        if entries is None:
-            return None
-    if entry.size is not None and entry.size != n:
+        entries = [0.0] * count_of(entry.f) if entries is None else entries
+    if covariance is not None and entry.size is not None and entry.size != n:
         what = f"covariance is {covariance.shape[0]}x{covariance.shape[1]}, but the plant's size is {entry.size}"
-        context.found.add(("initial", "covariance"), what, f"for example {{identity: {entry.size}, scale: 1.0}}")
-        return None
+        found.add(("initial", "covariance"), what, f"for example {{identity: {entry.size}, scale: 1.0}}")
     parameters = {} if entry.forcing is None else {"forcing": entry.forcing}
     if parameters and entry.model is None:
-        context.found.add(("plant", "forcing"), "'forcing' belongs to a model, not to f", "write it into f", key=True)
-    known = len(context.found.mistakes)
+        found.add(("plant", "forcing"), "'forcing' belongs to a model, not to f", "write it into f", key=True)
+        parameters = {}
+    known = len(found.mistakes)
     plant = context.attempt(
         NonlinearPlant,
         "plant",
-        covariance=covariance,
+        covariance=np.eye(n) if covariance is None else covariance,
         mean=mean,
         f=entries,
         model=entry.model,
@@ -179,11 +180,41 @@ def read_plant(document: Any, context: Context) -> NonlinearPlant | None:
         noise=noise,
     )
     moved = {"covariance": ("initial", "covariance"), "mean": ("initial", "mean"), "noise": ("noise",)}
-    context.found.mistakes[known:] = [
+    found.mistakes[known:] = [
         m.moved((*moved[str(m.path[1])], *m.path[2:])) if len(m.path) > 1 and m.path[1] in moved else m
-        for m in context.found.mistakes[known:]
+        for m in found.mistakes[known:]
     ]
-    return plant
+    return plant if len(found.mistakes) == before else None
+
+
+def read_measurement(entry: Measurement, states: int, context: Context) -> NonlinearMeasurement | None:
+    """The sensors of a plant with so many states."""
+    before, entries = len(context.found.mistakes), None
+    if entry.h is not None:
+        names = (*[f"x{i + 1}" for i in range(states)], "t")
+        entries = context.entries(entry.h, "measurement", "h", variables=names)
+        entries = [0.0] * count_of(entry.h) if entries is None else entries
+    measurement = context.attempt(
+        NonlinearMeasurement, "measurement", states=states, h=entries, model=entry.model, names=entry.names
+    )
+    return measurement if len(context.found.mistakes) == before else None
+
+
+def count_of(value: Any) -> int:
+    """How many entries a list has that could not be read; a bare entry is one."""
+    return len(value) if isinstance(value, list) and value else 1
+
+
+def state_count(document: Any) -> int:
+    """The number of states that a document means whose initial covariance cannot be read."""
+    plant, initial = document.plant, document.initial
+    given = None if initial is None else initial.covariance
+    mean = None if initial is None else initial.mean
+    if isinstance(given, dict):
+        given = given.get("diag") or [0] * (given["random"] if type(given.get("random")) is int else 0)
+    said = [len(item) for item in (given, plant.f, mean) if isinstance(item, list) and item]
+    said += [plant.size] if plant.size else []
+    return min(max(said, key=said.count), LARGEST_SIZE) if said else 1
 
 
 def _spread(value: dict, key: str, allowed: tuple[str, ...], path: tuple[str, ...], context: Context) -> Any:
@@ -195,7 +226,8 @@ def _spread(value: dict, key: str, allowed: tuple[str, ...], path: tuple[str, ..
     span, seed = value.get(key, [0.5, 1.5]), value.get("seed", 0)
     numbers = isinstance(span, list) and len(span) == 2 and all(type(e) in (int, float) for e in span)
     if not numbers or not np.all(np.isfinite(span)) or not span[0] <= span[1]:
-        context.found.add((*path, key), f"{key} is {shown(span)}", f"{key}: [low, high]")
+        said = f"[{span[0]:g}, {span[1]:g}]" if numbers else shown(span)
+        context.found.add((*path, key), f"{key} is {said}, it must be [low, high]", f"for example {key}: [0.5, 1.5]")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         context.found.add((*path, "seed"), f"seed is {shown(seed)}", "a whole number, at least 0")
     return None if len(context.found.mistakes) > known else (float(span[0]), float(span[1]), seed)
