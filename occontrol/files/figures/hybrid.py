@@ -16,6 +16,7 @@ from occontrol.files.figures import style
 from occontrol.files.figures.panels import schedule_panel
 
 MOST_MARKS = 60
+WIDEST = 4  # a path that is wider than this many times its height has no equal axes
 MODES_TITLE = "run 1: the more probable a mode the darker; line: the true mode"
 
 
@@ -39,7 +40,7 @@ def draw(problem: Problem, solution: Solution) -> dict[str, Figure]:
             figure = style.new_figure(size, problem.name, title)
             panel(figure.subplots(), problem, solution)
             figures[name] = figure
-        figure = style.new_figure((10, 2.6 + 0.45 * len(problem.sensors)), problem.name, _use_text(solution))
+        figure = style.new_figure((10, 2.6 + 0.45 * min(len(problem.sensors), 12)), problem.name, _use_text(solution))
         upper, lower = figure.subplots(2, 1, sharex=True)
         sensors_panel(upper, problem, solution)
         use_panel(lower, problem, solution)
@@ -65,7 +66,7 @@ def draw_compare(problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
         colours = [style.PALETTE[i % len(style.PALETTE)] for i in range(len(solutions))]
         for i, (name, solution) in enumerate(solutions.items()):
             # every other curve is dashed, so that one which coincides with its neighbour still shows
-            dashes, label = ("-", "--")[i % 2], _label(name, solution)
+            dashes, label = ("-", "--")[i % 2], style.shorten(_label(name, solution))
             left.plot(
                 solution.arrays["times"][1:],
                 solution.arrays["rms"],
@@ -78,11 +79,11 @@ def draw_compare(problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
         left.set_ylim(bottom=0)
         left.grid(axis="y")
         left.legend(loc="lower center", bbox_to_anchor=(0.5, -0.28), ncols=3)
-        style.tidy_time_axis(left, 0, problem.steps)
-        left.set_xlabel("step k")
+        style.dot_if_alone(left)
+        style.step_axis(left, problem.steps)
         for axes, key, title in (
             (middle, "average_rms", "average RMS"),
-            (right, "mode_errors", "steps with the wrong mode"),
+            (right, "mode_errors", "wrong-mode steps"),
         ):
             _bars(axes, solutions, key, title, colours, named=axes is middle)
         return figure
@@ -142,9 +143,11 @@ def _pm(result: Mapping, name: str) -> str:
 
 
 def _use_text(solution: Solution) -> str:
-    return "use over all runs: " + ", ".join(
-        f"{n} {100 * v:.3g} %" for n, v in list(solution.result["use"].items())[:8]
-    )
+    use = solution.result["use"]
+    names = dict(zip(use, style.labels(list(use)), strict=True))
+    most = list(use) if len(use) <= 5 else sorted((n for n in use if use[n] > 0), key=lambda name: -use[name])[:4]
+    text = ", ".join(f"{names[n]} {100 * use[n]:.3g} %" for n in use if n in most)
+    return f"use over all runs: {text}" + (f", {len(use) - len(most)} others" if len(most) < len(use) else "")
 
 
 def trajectory_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
@@ -165,8 +168,14 @@ def trajectory_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
         gap = max(1, len(times) // MOST_MARKS)
         axes.plot(estimate[::gap, a], estimate[::gap, b], ".", color=style.SECOND, markersize=5)
         axes.plot(*truth[0, [a, b]], "o", color=style.INK, markersize=7)
-        axes.annotate("start", truth[0, [a, b]], textcoords="offset points", xytext=(7, 7))
-        axes.set_aspect("equal", adjustable="datalim")
+        spans = np.ptp(np.concatenate([truth, estimate])[:, [a, b]], axis=0)
+        if np.max(spans) <= WIDEST * np.min(spans):
+            axes.set_aspect("equal", adjustable="datalim")
+        right = truth[0, a] > np.mean([np.min(truth[:, a]), np.max(truth[:, a])])
+        axes.annotate(
+            "start", truth[0, [a, b]], textcoords="offset points", xytext=(-7 if right else 7, 7),
+            ha="right" if right else "left",
+        )  # fmt: skip
         axes.set_xlabel(names[a])
         axes.set_ylabel(names[b])
         axes.grid(True)
@@ -180,8 +189,7 @@ def trajectory_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
         axes.plot(times, truth[:, component], color=style.INK, linewidth=1.2, label="truth" if i == 0 else None)
     axes.legend(loc="best")
     axes.grid(axis="y")
-    style.tidy_time_axis(axes, 0, problem.steps)
-    axes.set_xlabel("step k")
+    style.step_axis(axes, problem.steps)
 
 
 def rms_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
@@ -196,14 +204,16 @@ def rms_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     steps, rms, error = solution.arrays["times"][1:], solution.arrays["rms"], solution.arrays["rms_standard_error"]
     axes.fill_between(steps, rms - 2 * error, rms + 2 * error, color=style.ACCENT, alpha=0.2, linewidth=0)
     axes.plot(steps, rms, color=style.ACCENT)
+    if len(steps) == 1:
+        axes.errorbar(steps, rms, 2 * error, color=style.ACCENT, capsize=4, clip_on=False)
+    style.dot_if_alone(axes)
     average = float(solution.result["average_rms"])
     axes.axhline(average, color=style.GREY, linewidth=1, linestyle="--")
     axes.text(1.01, average, f"average\n{average:.3g}", transform=axes.get_yaxis_transform(), va="center", fontsize=10)
     axes.set_ylim(0, None)
     axes.set_ylabel("RMS")
     axes.grid(axis="y")
-    style.tidy_time_axis(axes, 0, problem.steps)
-    axes.set_xlabel("step k")
+    style.step_axis(axes, problem.steps)
 
 
 def modes_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
@@ -224,8 +234,7 @@ def modes_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     axes.set_yticks(range(0, len(names), gap), [style.shorten(name, 14) for name in names[::gap]])
     axes.invert_yaxis()
     axes.tick_params(axis="y", length=0)
-    style.tidy_time_axis(axes, 0, problem.steps)
-    axes.set_xlabel("step k")
+    style.step_axis(axes, problem.steps)
 
 
 def sensors_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
@@ -240,15 +249,9 @@ def sensors_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     schedule = solution.schedule
     if schedule is None:
         schedule = Schedule(solution.arrays["edges"], solution.arrays["weights"], tuple(problem.sensors.names))
-    schedule_panel(axes, schedule, shares=False)
-    if len(schedule.names) <= 8:
-        for row, label in enumerate(axes.get_yticklabels()):
-            share = solution.result["use"].get(label.get_text())
-            if share is not None:
-                place = axes.get_yticks()[row]
-                axes.text(1.01, place, f"{100 * share:.3g} %", transform=axes.get_yaxis_transform(), va="center")
-    style.tidy_time_axis(axes, 0, problem.steps)
-    axes.set_xlabel("step k")
+    use = solution.result["use"]
+    schedule_panel(axes, schedule, shares=[f"{100 * use[name]:.3g} %" for name in schedule.names])
+    style.step_axis(axes, problem.steps)
 
 
 def use_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
@@ -261,14 +264,21 @@ def use_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     solution : Solution
     """
     use, steps = solution.arrays["use"], solution.arrays["times"][1:]
-    for j, (name, colour) in enumerate(
-        zip(problem.sensors.names, style.sensor_colours(problem.sensors.names), strict=True)
-    ):
-        axes.plot(steps, use[:, j], color=colour, linewidth=1.2, label=style.shorten(name))
-    if len(problem.sensors) <= style.MOST_LINES:
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), handlelength=1.2)
+    names = style.labels(problem.sensors.names)
+    colours, shown = style.sensor_colours(names), list(range(len(names)))
+    if len(names) > style.MOST_LINES:  # the most used in colour, the others grey
+        most = np.argsort(-use.mean(axis=0), kind="stable")[: style.MOST_LINES - 1].tolist()
+        shown = sorted(j for j in most if np.any(use[:, j] > 0))
+        palette = dict(zip(shown, style.PALETTE, strict=False))
+        colours = [palette.get(j, style.GREY) for j in range(len(names))]
+    for j, (name, colour) in enumerate(zip(names, colours, strict=True)):
+        known = j in shown
+        axes.plot(steps, use[:, j], color=colour, linewidth=1.2, label=name if known else None, zorder=2 + known)
+    if len(shown) < len(names):
+        axes.plot([], [], color=style.GREY, linewidth=1.2, label=f"{len(names) - len(shown)} others")
+    style.dot_if_alone(axes)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), handlelength=1.2)
     axes.set_ylim(-0.02, 1.02)
     axes.set_ylabel("share of runs")
     axes.grid(axis="y")
-    style.tidy_time_axis(axes, 0, problem.steps)
-    axes.set_xlabel("step k")
+    style.step_axis(axes, problem.steps)

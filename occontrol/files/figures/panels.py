@@ -14,24 +14,32 @@ from occontrol.core.schedule import Schedule
 from occontrol.files.figures import style
 
 MOST_ROWS = 40
+MANY = 25  # more sensors than this are shown only where they are used
 WIDE_RANGE = 50.0  # above this ratio of the largest to the smallest value the axis is logarithmic
 
 
-def schedule_panel(axes: Axes, schedule: Schedule, available: np.ndarray | None = None, shares: bool = True) -> None:
+def schedule_panel(
+    axes: Axes, schedule: Schedule, available: np.ndarray | None = None, shares: bool | Sequence[str] = True
+) -> None:
     """Who measures when: one row per sensor; the height of a bar is the weight, so that fractions show.
+
+    Of many sensors only those that are used have a row.
 
     Parameters
     ----------
     axes : matplotlib Axes
     schedule : Schedule
     available : (K, M) of bool, drawn as a pale band behind the bars; None where there are no windows
-    shares : whether to write each sensor's share of the horizon at the right
+    shares : whether to write each sensor's share of the horizon at the right, or what to write there for each
     """
     edges, weights = schedule.edges, schedule.weights
     lengths = np.diff(edges)
     use = lengths @ weights / np.sum(lengths)
     rows = list(range(len(schedule.names)))
-    if len(rows) > MOST_ROWS:  # the most used ones, in the user's order
+    if len(rows) > MANY:
+        rows = [j for j in rows if use[j] > 0] or rows
+    used = len(rows)
+    if used > MOST_ROWS:  # the most used ones, in the user's order
         rows = sorted(sorted(rows, key=lambda j: -use[j])[:MOST_ROWS])
     colours = style.sensor_colours(schedule.names)
     height = 0.8
@@ -41,18 +49,24 @@ def schedule_panel(axes: Axes, schedule: Schedule, available: np.ndarray | None 
         if available is not None:
             _band(axes, edges, available[:, j] * height, base, style.PALE)
         _band(axes, edges, weights[:, j] / thickest * height, base, colours[j])
-        if shares and len(rows) <= 25:
-            text = "–" if use[j] <= 0 else "< 0.1 %" if use[j] < 1e-3 else f"{100 * use[j]:.3g} %"
+        if len(rows) <= MANY and shares is not False:
+            text = _share(float(use[j])) if shares is True else shares[j]
             at = axes.get_yaxis_transform()
             axes.text(1.008, base + height / 2, text, transform=at, va="center", fontsize=9, color="#555555")
-    size = 10 if len(rows) <= 12 else 8 if len(rows) <= 25 else 6
-    axes.set_yticks(range(len(rows)), [style.shorten(schedule.names[j]) for j in reversed(rows)], fontsize=size)
+    size = 10 if len(rows) <= 12 else 8 if len(rows) <= MANY else 6
+    names = style.labels(schedule.names)
+    axes.set_yticks(range(len(rows)), [names[j] for j in reversed(rows)], fontsize=size)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(-0.6, len(rows) - 0.4)
     axes.spines["left"].set_visible(False)
     hidden = len(schedule.names) - len(rows)
     if hidden:
-        axes.set_title(f"{axes.get_title(loc='left')} (the {len(rows)} most used; {hidden} more)")
+        which = "in use" if used == len(rows) else "most used"
+        axes.set_title(f"{axes.get_title(loc='left')} (the {len(rows)} {which}; {hidden} more)".strip())
+
+
+def _share(use: float) -> str:
+    return "–" if use <= 0 else "< 0.1 %" if use < 1e-3 else f"{100 * use:.3g} %"
 
 
 def _band(axes: Axes, edges: np.ndarray, heights: np.ndarray, base: float, colour: str) -> None:
@@ -89,6 +103,7 @@ def curves_panel(
         axes.set_ylim(bottom=0)
     axes.set_ylabel(label)
     axes.grid(axis="y")
+    style.dot_if_alone(axes)
     legend(axes, len(names))
 
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from occontrol.core.sensor import IDLE
 
@@ -98,6 +99,72 @@ def shorten(name: str, longest: int = LONGEST_NAME) -> str:
     """
     cut = name if len(name) <= longest else name[: longest - 1] + "…"
     return cut.replace("$", r"\$")
+
+
+def labels(names: Sequence[str], longest: int = LONGEST_NAME) -> list[str]:
+    """The names cut to a length; where that would make two alike, without the words that all begin or end with.
+
+    Parameters
+    ----------
+    names : what the user called them
+    longest : the most characters that are shown
+    """
+    cut = [shorten(name, longest) for name in names]
+    if len(set(cut)) == len(set(names)):
+        return cut
+    head = _alike(names)
+    while head and names[0][head - 1].isalnum():  # whole words only
+        head -= 1
+    tail = min(_alike([name[::-1] for name in names]), min(map(len, names)) - head)
+    while tail > 0 and names[0][-tail].isalnum():
+        tail -= 1
+    ends = "…" * (head > 0), "…" * (tail > 0)
+    return [shorten(f"{ends[0]}{name[head : len(name) - tail].strip()}{ends[1]}", longest) for name in names]
+
+
+def _alike(names: Sequence[str]) -> int:
+    """How many letters all names begin with."""
+    first, last = min(names), max(names)
+    return next((i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(first))
+
+
+def count_of(number: int, what: str) -> str:
+    """'1 choice', '2 choices'.
+
+    Parameters
+    ----------
+    number, what : how many of which thing, in the singular
+    """
+    return f"{number} {what}{'s' * (number != 1)}"
+
+
+def step_axis(axes: Axes, steps: int, label: bool = True) -> None:
+    """The horizontal axis of everything that runs over whole steps.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    steps : how many there are
+    label : whether to name the axis
+    """
+    tidy_time_axis(axes, 0, steps, label)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+    if label:
+        axes.set_xlabel("step k")
+
+
+def dot_if_alone(axes: Axes) -> None:
+    """A curve through one point is nothing to see: a dot in its place.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes with all its curves
+    """
+    for line in axes.get_lines():
+        if len(line.get_xdata()) == 1 and line.get_marker() in (None, "None", ""):  # type: ignore[arg-type]
+            line.set_marker("o")
+            line.set_markersize(6)
+            line.set_clip_on(False)
 
 
 def colour_map() -> Colormap:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from occontrol.families.vlambda_problem import Problem
 
 FEW = 7  # curves that can be told apart
+LEGEND_LINE, LEGEND_NAME = 50, 10  # letters of a legend of one line, and of a name in one that has more
+MOST_LINES_BETWEEN = 100  # choices that are parted by lines
 
 
 def draw(problem: Problem, solution: Solution) -> dict[str, Figure]:
@@ -51,9 +53,10 @@ def draw_compare(problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
 
 
 def _subtitle(problem: Problem) -> str:
-    n, count = problem.states, len(problem.sensors)
-    parts = [f"{n} state{'s' * (n != 1)}", f"{count} sensor{'s' * (count != 1)}", f"{problem.select} at a time"]
-    return " · ".join([*parts, f"a choice every {problem.epoch} steps", f"cost: sum of {_criterion(problem)}"])
+    parts = [style.count_of(problem.states, "state"), style.count_of(len(problem.sensors), "sensor")]
+    parts.append(f"{problem.select} at a time")
+    every = "a choice every step" if problem.epoch == 1 else f"a choice every {problem.epoch} steps"
+    return " · ".join([*parts, every, f"cost: sum of {_criterion(problem)}"])
 
 
 def _criterion(problem: Problem) -> str:
@@ -61,9 +64,7 @@ def _criterion(problem: Problem) -> str:
 
 
 def _steps(axes: Axes, problem: Problem, label: bool = True) -> None:
-    style.tidy_time_axis(axes, 0, problem.steps, label)
-    if label:
-        axes.set_xlabel("step k")
+    style.step_axis(axes, problem.steps, label)
 
 
 def _overview(problem: Problem, solution: Solution) -> Figure:
@@ -72,9 +73,9 @@ def _overview(problem: Problem, solution: Solution) -> Figure:
     heights = [max(1.0, min(2.2, 0.2 * len(problem.sensors))), *([1.0] if movable else []), 1.4, 1.4]
     grid = figure.add_gridspec(len(heights), 2, width_ratios=[4.2, 1], height_ratios=heights)
     top = figure.add_subplot(grid[0, 0])
+    top.set_title("chosen")
     if solution.schedule is not None:
         schedule_panel(top, solution.schedule)
-    top.set_title("chosen")
     _steps(top, problem, False)
     if movable:
         _locations(figure.add_subplot(grid[1, 0]), problem, solution)
@@ -102,8 +103,8 @@ def _text(problem: Problem, solution: Solution) -> str:
     lines += [
         f"peak λmax {r['peak_largest_eigenvalue']:.6g}",
         "",
-        f"{problem.epochs} choices",
-        f"{r['switches']} switches",
+        style.count_of(problem.epochs, "choice"),
+        f"{r['switches']} switch{'es' * (r['switches'] != 1)}",
     ]
     return "\n".join(lines)
 
@@ -144,6 +145,7 @@ def _eigenvalues(axes: Axes, solution: Solution) -> None:
         axes.set_yscale("log")
     axes.set_ylabel("P(k|k)")
     axes.grid(axis="y")
+    style.dot_if_alone(axes)
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), borderaxespad=0.0, handlelength=1.2)
 
 
@@ -161,12 +163,13 @@ def _deviations(problem: Problem, solution: Solution) -> Figure:
             one.axis("off")
             continue
         one.plot(k, deviations[:, i], color=style.ACCENT)
+        style.dot_if_alone(one)
         _scale(one, deviations[:, i])
         one.set_ylabel(f"x{i + 1}")
         one.grid(axis="y")
         for start in problem.starts[1:-1] if problem.epochs <= 60 else []:
             one.axvline(start, color=style.PALE, linewidth=0.8, zorder=0)
-        style.tidy_time_axis(one, 0, problem.steps, False)
+        style.step_axis(one, problem.steps, False)
     for one in axes[-1]:
         one.tick_params(labelbottom=True)
         one.set_xlabel("step k")
@@ -181,10 +184,18 @@ def _scale(axes: Axes, values: np.ndarray) -> None:
 
 
 def _strips(axes: Axes, problem: Problem, solutions: Mapping[str, Solution]) -> None:
-    """One row per method, one colour per sensor; with several at a time the row is shared among them."""
-    names = problem.sensors.names
+    """One row per method, one colour per sensor; with several at a time the row is shared among them.
+
+    Of many sensors the most used have a colour, the others are grey; a white line ends every choice.
+    """
+    names, count = problem.sensors.names, len(solutions)
     colours = style.sensor_colours(names)
-    count = len(solutions)
+    shown = list(range(len(names)))
+    if len(names) > FEW:
+        use = sum(s.schedule.weights.sum(axis=0) for s in solutions.values() if s.schedule is not None)
+        shown = sorted(np.argsort(-np.asarray(use), kind="stable")[: FEW - 1].tolist())
+        palette = dict(zip(shown, style.PALETTE, strict=False))
+        colours = [palette.get(j, style.GREY) for j in range(len(names))]
     for row, solution in enumerate(solutions.values()):
         if solution.schedule is None:
             continue
@@ -200,20 +211,30 @@ def _strips(axes: Axes, problem: Problem, solutions: Mapping[str, Solution]) -> 
                 count - 1 - row - 0.37 + rank[on] * height,
                 align="edge",
                 color=colour,
-                label=style.shorten(names[j]) if row == 0 and count else None,
-                linewidth=0,
+                edgecolor="white",
+                linewidth=0.5 if len(names) > FEW and problem.epochs <= MOST_LINES_BETWEEN else 0,
             )
     axes.set_yticks(range(count), [style.shorten(name) for name in reversed(list(solutions))])
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(-0.6, count - 0.4)
     axes.spines["left"].set_visible(False)
-    axes.set_title("chosen sensor")
+    axes.set_title("chosen")
     _steps(axes, problem)
-    handles = [_patch(colour) for colour in colours]
-    if len(names) <= FEW:
-        axes.legend(
-            handles, [style.shorten(n) for n in names], loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(names)
-        )
+    room = style.LONGEST_NAME if sum(map(len, names)) <= LEGEND_LINE else LEGEND_NAME
+    few = style.labels(names, room)
+    handles, texts = [_patch(colours[j]) for j in shown], [few[j] for j in shown]
+    if len(shown) < len(names):
+        handles, texts = [*handles, _patch(style.GREY)], [*texts, f"{len(names) - len(shown)} others"]
+    axes.legend(
+        handles,
+        texts,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=len(texts),
+        handlelength=1.0,
+        fontsize=9,
+        columnspacing=1.0,
+    )
 
 
 def _patch(colour: str) -> object:
@@ -262,8 +283,8 @@ def _eigenvalue_curves(axes: Axes, solutions: Mapping[str, Solution]) -> None:
     stacked = np.concatenate(everything)
     if np.min(stacked) > 0 and np.max(stacked) > 50 * np.min(stacked):
         axes.set_yscale("log")
-    axes.set_xlim(0, max(len(v) for v in everything))
-    axes.set_xlabel("step k")
+    style.step_axis(axes, max(len(v) for v in everything))
+    style.dot_if_alone(axes)
     axes.set_ylabel("λmax P(k|k)")
     axes.grid(axis="y")
     others = len(solutions) - len(coloured)
