@@ -11,6 +11,7 @@ import re
 from typing import Any
 
 from occontrol.core.errors import Mistake, ProblemError
+from occontrol.files.number_blocks import DEEPEST, MARK, Block, Shortened, cut
 from occontrol.files.positions import MAX_DEPTH, Place, Text, at, number
 
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -21,12 +22,22 @@ _WORDS |= {"true": True, "True": True, "TRUE": True, "false": False, "False": Fa
 
 def read_yaml(source: str, file: str) -> Text:
     """Parse YAML; ProblemError with the place of the first thing that is not allowed."""
+    shortened = cut(source)
+    if shortened.blocks:
+        try:
+            return _read(shortened, file)
+        except ProblemError:
+            pass  # what is wrong, and where, is said by the text as it stands
+    return _read(Shortened(source), file)
+
+
+def _read(shortened: Shortened, file: str) -> Text:
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError
     from ruamel.yaml.reader import ReaderError
 
     try:
-        return _Builder(file).run(YAML(typ="safe", pure=True).parse(source))
+        return _Builder(file, shortened).run(YAML(typ="safe", pure=True).parse(shortened.text))
     except ProblemError:
         raise
     except MarkedYAMLError as error:
@@ -35,7 +46,7 @@ def read_yaml(source: str, file: str) -> Text:
         hint = "indent with spaces, not with tabs" if "\\t" in str(error.problem) else ""
         raise at(file, line, column, f"this is not YAML: {error.problem or error.context}", hint) from None
     except ReaderError as error:
-        before = source[: error.position]
+        before = shortened.text[: error.position]
         line, column = before.count("\n") + 1, error.position - before.rfind("\n")
         raise at(file, line, column, "a character that is not allowed in YAML (binary data?)") from None
     except Exception as error:  # the parser is not ours: whatever it trips over is a mistake in the file
@@ -45,18 +56,23 @@ def read_yaml(source: str, file: str) -> Text:
 class _Builder:
     """Builds data and places from parser events, with an explicit stack."""
 
-    def __init__(self, file: str):
-        self.file = file
+    def __init__(self, file: str, shortened: Shortened):
+        self.file, self.shortened = file, shortened
+        self.cut_out: list[tuple[Place, Block]] = []
         self.data: Any = None
         self.places = Place(1, 1)
         self.mistakes: list[Mistake] = []
-        # one frame for each open collection: (data, places, key waiting for its value and the key's place)
+        # one frame for each open collection: (data, places, key waiting for its value and the key's place, own place)
         self.stack: list[list[Any]] = []
         self.path: list[str | int] = []
         self.documents = 0
 
     def fail(self, event: Any, what: str, hint: str = "") -> ProblemError:
-        return at(self.file, event.start_mark.line + 1, event.start_mark.column + 1, what, hint)
+        return at(self.file, *self.position(event), what, hint)
+
+    def position(self, event: Any) -> tuple[int, int]:
+        line, column = event.start_mark.line, event.start_mark.column
+        return line + 1, self.shortened.column(line, column) + 1
 
     def run(self, events: Any) -> Text:
         from ruamel.yaml import events as kinds
@@ -82,12 +98,20 @@ class _Builder:
                     self.stack.append(self.add(event, {} if mapping else [], {} if mapping else []))
             elif isinstance(event, kinds.CollectionEndEvent):
                 self.stack.pop()
-        return Text(self.file, self.data, lambda: self.places, self.mistakes)
+        return Text(self.file, self.data, self.all_places, self.mistakes)
+
+    def all_places(self) -> Place:
+        for place, block in self.cut_out:
+            place.inside = block.places(place.line, place.column)
+        return self.places
 
     def scalar(self, event: Any) -> None:
         top = self.stack[-1] if self.stack else None
+        if self.shortened.blocks and MARK in event.value:
+            self.block(event, top)
+            return
         if top is not None and isinstance(top[0], dict) and top[2] is None:
-            top[2] = (event.value, (event.start_mark.line + 1, event.start_mark.column + 1))
+            top[2] = (event.value, self.position(event))
             if event.value in top[0]:
                 first = top[1][event.value].key[0]
                 what, place = f"the key '{event.value}' stands twice", f"{self.file}:{top[2][1][0]}:{top[2][1][1]}"
@@ -95,8 +119,18 @@ class _Builder:
             return
         self.add(event, _value(event.value) if event.implicit[0] else event.value, None)
 
+    def block(self, event: Any, top: list[Any] | None) -> None:
+        """A mark that stands for a list of numbers, unless it lies in a key or in other words."""
+        name = event.value.removeprefix(MARK)
+        in_key = top is not None and isinstance(top[0], dict) and top[2] is None
+        if in_key or not event.implicit[0] or not name.isdecimal() or len(self.stack) + DEEPEST > MAX_DEPTH:
+            raise self.fail(event, "a list of numbers where none can be")
+        block = self.shortened.blocks[int(name)]
+        place = self.add(event, block.value, None)[3]
+        self.cut_out.append((place, block))
+
     def add(self, event: Any, value: Any, inside: Any) -> list[Any]:
-        place = Place(event.start_mark.line + 1, event.start_mark.column + 1, None, inside)
+        place = Place(*self.position(event), None, inside)
         if not self.stack:
             self.data, self.places = value, place
         else:
@@ -110,7 +144,7 @@ class _Builder:
                 (name, place.key), top[2] = top[2], None
                 top[0].setdefault(name, value)
                 top[1].setdefault(name, place)
-        return [value, inside, None]
+        return [value, inside, None, place]
 
 
 def _short(tag: object) -> str:
