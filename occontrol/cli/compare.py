@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from occontrol.cli.output import note, number, percent, print_json, print_table
+from occontrol.cli.output import note, number, percent, print_json, print_table, with_error
 from occontrol.cli.solve import JsonFlag, ProblemFile, run_method
 
 if TYPE_CHECKING:
     from occontrol.core.solution import Solution
+
+ERROR = "_standard_error"
 
 
 def compare(
@@ -26,7 +28,7 @@ def compare(
     """Solve one problem with several methods and set them side by side."""
     from occontrol.calls import choose_method
     from occontrol.cli.watch import exit_code, watched
-    from occontrol.core.errors import SolveFailed
+    from occontrol.core.errors import SolveFailed, UsageError
     from occontrol.core.monitor import Monitor
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import check_writable
@@ -35,6 +37,9 @@ def compare(
     problem = read_problem(file)
     check_writable(folder)
     names = _default_names(problem) if methods is None else [m.strip() for m in methods.split(",") if m.strip()]
+    if not names:
+        example = ",".join(_default_names(problem)[:3])
+        raise UsageError(f"--methods names no method\n  hint: for example --methods {example}")
     for name in names:
         choose_method(problem, name)  # an unknown name is found before any work
     solutions: dict[str, Solution] = {}
@@ -128,6 +133,7 @@ def _print(rows: list[dict[str, Any]], named: Sequence[str] = ()) -> None:
     bounded = any(isinstance(r.get("lower_bound"), int | float) for r in rows)
     # families without a cost bound are compared by the numbers that they report, some name theirs
     reported = [k for k in (rows[0] if rows else {}) if k not in known and all(k in r for r in rows)]
+    reported = [k for k in reported if k.removesuffix(ERROR) not in reported or not k.endswith(ERROR)]
     others = [k for k in reported if k in named] if named else [] if bounded else reported[:6]
     headers = ["method", "status"]
     columns = [lambda r: r["method"], lambda r: r["status"]]
@@ -143,7 +149,7 @@ def _print(rows: list[dict[str, Any]], named: Sequence[str] = ()) -> None:
         ]
     for key in others:
         headers.append(key.replace("_", " "))
-        columns.append(lambda r, key=key: number(r.get(key), 6))
+        columns.append(lambda r, key=key: with_error(r.get(key), r.get(key + ERROR)))
     headers.append("seconds")
     columns.append(lambda r: number(r["seconds"], 3))
     print_table(headers, [[column(r) for column in columns] for r in rows], right=range(2, len(headers)))

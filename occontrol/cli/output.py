@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 
+ROUNDING = 1e-12  # relative
+
 
 def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
     """Print label and text, the texts aligned.
@@ -61,13 +63,27 @@ def number(value: object, digits: int = 8) -> str:
 
 
 def percent(value: object) -> str:
-    """A relative gap as a percentage, '-' where there is none.
+    """A relative gap as a percentage, '-' where there is none; what is only rounding is 0.
 
     Parameters
     ----------
     value : number or None
     """
+    if isinstance(value, int | float) and abs(value) < ROUNDING:
+        value = 0.0
     return f"{100 * value:.3g} %" if isinstance(value, int | float) else "-"
+
+
+def with_error(value: object, error: object, digits: int = 6) -> str:
+    """A number with its standard error, '6.79 ± 0.092'; the number alone where the error is not known.
+
+    Parameters
+    ----------
+    value, error : numbers or None
+    digits : significant digits of the value
+    """
+    known = isinstance(error, int | float) and error == error
+    return number(value, digits) + (f" ± {error:.2g}" if known else "")
 
 
 def print_json(value: object) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution
 from occontrol.families.hybrid_filter import run_filter, simulate
@@ -15,10 +16,44 @@ from occontrol.families.hybrid_methods import Alternate, ExpectedCovariance, Fix
 from occontrol.families.hybrid_problem import Problem
 from occontrol.families.hybrid_runs import assemble, experiment
 
-__all__ = ["COMPARE", "METHODS", "Problem", "describe", "run_filter", "simulate", "solve", "summarise"]
+__all__ = [
+    "COLUMNS",
+    "COMPARE",
+    "METHODS",
+    "Problem",
+    "compare_names",
+    "describe",
+    "method_named",
+    "run_filter",
+    "simulate",
+    "solve",
+    "summarise",
+]
 
 METHODS: dict[str, type] = {m.name: m for m in (Scheduled, ExpectedCovariance, Fixed, Alternate, Random)}
 COMPARE = ["scheduled", "expected-covariance", "alternate", "random", "fixed"]
+COLUMNS = ("average_rms", "peak_rms", "mode_errors", "average_nees")
+MOST_FIXED = 3  # groups that `compare` shows one by one
+
+
+def compare_names(problem: Problem) -> list[str]:
+    """COMPARE with every group by itself, where there are few: "fixed:one", "fixed:two", .."""
+    groups = problem.groups or ()
+    if len(groups) > MOST_FIXED:
+        return COMPARE
+    return [*COMPARE[:-1], *("fixed:" + "+".join(group) for group in groups)]
+
+
+def method_named(problem: Problem, name: str) -> Any:
+    """The options of a method that carries its argument, "fixed:one+two"; None for any other name."""
+    head, colon, argument = name.partition(":")
+    if not colon or head != Fixed.name:
+        return None
+    try:
+        problem.group_named(argument)
+    except ProblemError as error:
+        raise UsageError(f"method {name}: {error.mistakes[0].what}\n  hint: {error.mistakes[0].hint}") from None
+    return Fixed(argument)
 
 
 def solve(problem: Problem, method: Any = None, monitor: Monitor | None = None) -> Solution:

@@ -64,10 +64,11 @@ class Fixed:
 
     Parameters
     ----------
-    sensor : its name, a group as names joined by '+'; if left out every group is tried, and the best in RMS stands
+    sensor : its name, a group as names joined by '+' or as a list; if left out every group is tried, and the best in
+        RMS stands
     time_limit : seconds for each, None is no limit
     """
 
     name: ClassVar[str] = "fixed"
-    sensor: str | None = None
+    sensor: str | list[str] | None = None
     time_limit: float | None = None

@@ -170,19 +170,26 @@ class Problem:
                         wrong += check_finite(what, signal, times, path, "k")
         return wrong
 
-    def group_named(self, name: str) -> tuple[str, ...]:
-        """The group that a name stands for: a sensor's name alone, or names joined by '+'.
+    def group_named(self, name: str | Sequence[str]) -> tuple[str, ...]:
+        """The group that a name stands for: a sensor's name alone, names joined by '+' in any order, or a list.
 
         Raises ProblemError at ("sensor",) when there is none.
         """
-        by_name = {"+".join(group): group for group in self.groups or ()}
-        if name in by_name:
-            return tuple(by_name[name])
-        if name in self.sensors.names:
+        by_name = {"+".join(group): tuple(group) for group in self.groups or ()}
+        if isinstance(name, str) and name in by_name:
+            return by_name[name]
+        if isinstance(name, str) and name in self.sensors.names:
             return (name,)
+        parts = name.split("+") if isinstance(name, str) else list(name)
+        if len(parts) == 1 and parts[0] in self.sensors.names:
+            return (parts[0],)
+        same = [group for group in by_name.values() if set(group) == set(parts)]
+        if same:
+            return same[0]
         known = [*self.sensors.names, *(label for label in by_name if label not in self.sensors.names)]
+        word = "+".join(parts)
         raise ProblemError(
-            Mistake(("sensor",), f"there is no sensor or group '{name}'", _nearest(name, known, "names"))
+            Mistake(("sensor",), f"there is no sensor or group '{word}'", _nearest(word, known, "names"))
         )
 
     def positions_of(self, groups: Sequence[Sequence[str]]) -> list[list[int]]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
 from occontrol.cli import run
+from occontrol.cli.output import percent, with_error
 
 Captured = pytest.CaptureFixture[str]
 
@@ -38,3 +40,27 @@ def test_certify_without_bounds_is_a_usage_mistake_however_it_is_called(family: 
         assert "these can: athans, vlambda, robust" in err
         assert out == ""
     assert run(["certify", "x.yaml"]) == 2
+
+
+def test_compare_shows_errors_beside_their_numbers_and_every_fixed_sensor(capsys: Captured) -> None:
+    assert run(["init", "hybrid", "x.yaml"]) == 0
+    capsys.readouterr()
+    assert run(["compare", "x.yaml", "--out", "c"]) == 0
+    table = capsys.readouterr().out
+    header, *rows = [line for line in table.splitlines() if line.strip() and "─" not in line][:-1]
+    assert "average rms" in header and "standard error" not in header
+    assert [row.split()[0] for row in rows][-2:] == ["fixed:ranger", "fixed:doppler"]
+    assert all(row.count("±") == 4 for row in rows)
+    assert run(["compare", "x.yaml", "--out", "c", "--json", "--methods", "fixed:doppler"]) == 0
+    assert json.loads(capsys.readouterr().out)["methods"][0]["average_rms_standard_error"] > 0
+    assert run(["compare", "x.yaml", "--methods", "fixed:dopler"]) == 2
+    assert "did you mean 'doppler'?" in capsys.readouterr().err
+
+
+def test_what_is_only_rounding_is_no_gap() -> None:
+    assert percent(6.66e-16) == "0 %"
+    assert percent(-6.66e-16) == "0 %"
+    assert percent(1.5e-9) == "1.5e-07 %"
+    assert percent(None) == "-"
+    assert with_error(6.7938, 0.0921) == "6.7938 ± 0.092"
+    assert with_error(6.7938, None) == with_error(6.7938, float("nan")) == "6.7938"

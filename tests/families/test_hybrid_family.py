@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from occontrol.calls import choose_method
-from occontrol.core.errors import ProblemError
+from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.jump_plant import JumpPlant, Mode
 from occontrol.core.jump_sensor import JumpSensor
 from occontrol.core.measurement import Measurement
@@ -243,3 +243,28 @@ def test_one_mode_and_one_sensor_are_an_ordinary_filter():
         K = P @ C.T / (C @ P @ C.T + 0.5)
         P = P - K @ C @ P
         assert solution.arrays["covariance"][k] == pytest.approx(P, abs=1e-12)
+
+
+def test_a_group_is_named_in_any_order_or_as_a_list():
+    groups = [["near", "far"], ["far"]]
+    problem = make(groups=groups)
+    expected = hybrid.solve(problem, Fixed("near+far")).result
+    for name in ("far+near", ["far", "near"], ["near", "far"]):
+        made = make(groups=groups, method=Fixed(name))
+        assert hybrid.solve(made).result["average_rms"] == expected["average_rms"]
+    assert hybrid.solve(make(groups=groups, method=Fixed(["far"]))).result["use"] == {"near": 0.0, "far": 1.0}
+    with pytest.raises(ProblemError, match=r"there is no sensor or group 'near\+nowhere'"):
+        make(groups=groups, method=Fixed("near+nowhere"))
+    with pytest.raises(ProblemError, match=r"there is no sensor or group 'near\+far'"):
+        make(method=Fixed(["near", "far"]))
+
+
+def test_fixed_groups_are_methods_of_their_own():
+    problem = make()
+    names = hybrid.compare_names(problem)
+    assert names == ["scheduled", "expected-covariance", "alternate", "random", "fixed:near", "fixed:far"]
+    assert choose_method(problem, "fixed:far") == Fixed("far")
+    with pytest.raises(UsageError, match="method fixed:fra: there is no sensor or group 'fra'"):
+        choose_method(problem, "fixed:fra")
+    many = make(sensors=[JumpSensor(str(j), [[1, 0]], [[0.5]]) for j in range(9)])
+    assert hybrid.compare_names(many)[-1] == "fixed"

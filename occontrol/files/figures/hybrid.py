@@ -106,7 +106,7 @@ def _bars(axes: Axes, solutions: Mapping[str, Solution], key: str, title: str, c
 
 def _label(name: str, solution: Solution) -> str:
     sensor = solution.result.get("sensor")
-    return f"{name}: {sensor}" if sensor else name
+    return f"{name}: {sensor}" if sensor and ":" not in name else name
 
 
 def _overview(problem: Problem, solution: Solution) -> Figure:

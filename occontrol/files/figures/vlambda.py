@@ -288,5 +288,5 @@ def _eigenvalue_curves(axes: Axes, solutions: Mapping[str, Solution]) -> None:
     axes.set_ylabel("λmax P(k|k)")
     axes.grid(axis="y")
     others = len(solutions) - len(coloured)
-    axes.set_title("largest error variance" + (f" (grey: {others} others)" if others else ""))
+    axes.set_title("largest error variance" + (f" (grey: {style.count_of(others, 'other')})" if others else ""))
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), borderaxespad=0.0, handlelength=1.4)
