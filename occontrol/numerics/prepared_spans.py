@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from occontrol.numerics.scattering import INNER, Element, Flow, magnus_step
+from occontrol.numerics.scattering import INNER, Element, Flow, in_user_units, magnus_step
 from occontrol.numerics.star_product import from_transfer
 
 AFFORDABLE = 500  # steps of a walk that cost little
@@ -28,17 +28,19 @@ class PreparedSpans:
         if flow.constant:
             return
         sensors = len(flow.rows)
-        _, at, length, self.owner = flow.partition(self.starts, self.ends, np.ones((len(starts), sensors)))
+        every = np.ones((len(starts), sensors))
+        self.scale = flow.scales(self.starts, self.ends, every)
+        _, at, length, self.owner = flow.partition(self.starts, self.ends, every, self.scale)
         times = (at[:, None] + length[:, None] * INNER).ravel()
         shape = (len(at), 3, 2 * flow.n, 2 * flow.n)
         h = length[:, None, None, None]
-        none = np.zeros((len(times), sensors))
-        self.free = flow.exponents(times, none)[0].reshape(shape) * h
+        none, scale = np.zeros((len(times), sensors)), np.repeat(self.scale[self.owner], 3, axis=0)
+        self.free = flow.exponents(times, none, scale)[0].reshape(shape) * h
         self.each = []
         for j in range(sensors):
             one = none.copy()
             one[:, j] = 1.0
-            self.each.append(flow.exponents(times, one)[0].reshape(shape) * h - self.free)
+            self.each.append(flow.exponents(times, one, scale)[0].reshape(shape) * h - self.free)
 
     def affordable(self, steps: int) -> int:
         """How many of `steps` walks to spend: all for constant plants, fewer where a walk has thousands of steps."""
@@ -59,5 +61,6 @@ class PreparedSpans:
         H = self.free[used].astype(weights.dtype)
         for j, part in enumerate(self.each):
             H = H + weights[owner, j][:, None, None, None] * part[used]
-        F, Q, R = self.flow.reduce(from_transfer(magnus_step(H)), owner, len(weights), None)
-        return F, Q / self.flow.scale**2, R * self.flow.scale**2
+        return in_user_units(
+            self.flow.reduce(from_transfer(magnus_step(H)), owner, len(weights), None), self.scale[first:]
+        )

@@ -18,6 +18,7 @@ import numpy as np
 
 from occontrol.core.errors import SolveFailed
 from occontrol.core.signal import Signal
+from occontrol.numerics.riccati_flow import balancing
 from occontrol.numerics.star_product import (
     Element,
     advance,
@@ -37,6 +38,7 @@ TOLERANCE = 2e-14
 SHORT = 0.5  # |H| h of a span on which no escape from P = 0 is possible
 MAX_PIECES = 200_000
 INNER = np.array([0.5 - np.sqrt(15) / 10, 0.5, 0.5 + np.sqrt(15) / 10])  # where a step looks
+MOST_SCALES = 20  # mixtures of sensors that get units of their own
 KINK = 1e-3  # relative jump at an end of a step that counts as one
 
 
@@ -56,8 +58,11 @@ def magnus_step(H: np.ndarray) -> np.ndarray:
     return exponential(a1 + a3 / 12 + (x @ y - y @ x) / 240)
 
 
-def _size(a: np.ndarray) -> float:
-    return float(np.max(np.sum(np.abs(a), axis=(-2, -1)), initial=0.0))
+def in_user_units(element: Element, scale: np.ndarray) -> Element:
+    """Elements (T, n, n) of flows in scaled states (units `scale`, (T, n)) in the user's own units."""
+    F, Q, R = element
+    both = scale[:, :, None] * scale[:, None, :]
+    return F * (scale[:, :, None] / scale[:, None, :]), Q * both, R / both
 
 
 class Flow:
@@ -84,13 +89,13 @@ class Flow:
         self.cuts = np.unique(np.concatenate([np.empty(0), *(s.breakpoints for s in signals)]))
         if self.constant:
             self._parts = self._sample(np.zeros(1))
-        self.scale = self._balance()
         self.kinks: set[float] = set()
 
     @property
     def rate(self) -> float:
         """The size of the plant's scaled Hamiltonian (of a constant plant): 1/rate is its fastest time."""
-        return float(max(self.exponents(np.zeros(1), np.zeros((1, len(self.rows))))[1][0], 1e-300))
+        one, none = np.zeros(1), np.zeros((1, len(self.rows)))
+        return float(max(self.exponents(one, none, self.scales(one, one, none))[1][0], 1e-300))
 
     def scaled(self, factor: float) -> Flow:
         """The same with K multiplied by a factor."""
@@ -103,20 +108,33 @@ class Flow:
         L = np.stack([transpose(c) @ c for c in C], axis=1) if C else np.zeros((len(times), 0, self.n, self.n))
         return A, B @ transpose(B), self.gain**2 * (transpose(K) @ K), L
 
-    def _balance(self) -> float:
-        """One factor s on the state (P to s^2 P) that makes BB' and K'K alike in size."""
-        _, W, KK, _ = self._parts if self.constant else self._sample(np.concatenate([np.zeros(1), self.cuts[:20]]))
-        w, k = _size(W), _size(KK)
-        return float((k / w) ** 0.25) if w > 0 and k > 0 and np.isfinite(k / w) else 1.0
+    def scales(self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Units of the states (T, n) in which the spans' Hamiltonian matrices are small: powers of two.
 
-    def exponents(self, times: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Scaled Hamiltonian matrices (T, 2n, 2n) and the size of their parts (T,); weights (T, M)."""
+        P is D P D in them. A strong sensor makes the flow fast only by the root of its strength, or less, in the right
+        units; in the user's units a step would have to be a million times shorter.
+        """
+        used, which = np.unique(np.abs(weights.real), axis=0, return_inverse=True)
+        if len(used) > MOST_SCALES:
+            used, which = np.max(used, axis=0, keepdims=True), np.zeros(len(weights), dtype=int)
+        some = slice(None, None, max(1, len(starts) // 100))
+        times = (starts[some, None] + (ends - starts)[some, None] * np.array([0.02, 0.34, 0.66, 0.98])).ravel()
         A, W, KK, L = self._parts if self.constant else self._sample(times)
-        s2 = self.scale**2
-        S = (KK - np.einsum("tm,tmij->tij", weights, np.broadcast_to(L, (len(times), *L.shape[1:])))) / s2
-        A, W = np.broadcast_to(A, S.shape), np.broadcast_to(W, S.shape) * s2
-        size = sum(np.sum(np.abs(m), axis=(1, 2)) for m in (A, W, S, np.broadcast_to(KK, S.shape) / s2))
-        return _block(A, W, S), size
+        A, W, KK = (np.max(np.abs(part), axis=0) for part in (A, W, KK))
+        L = np.max(np.abs(L), axis=0)
+        found = []
+        for v in used:
+            largest = np.block([[A.T, KK + np.einsum("m,mij->ij", v, L)], [W, A]])
+            found.append(balancing(largest) if np.all(np.isfinite(largest)) else np.ones(self.n))
+        return np.array(found)[which.ravel()]
+
+    def exponents(self, times: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Scaled Hamiltonian matrices (T, 2n, 2n) and the size of their parts (T,); weights (T, M), scale (T, n)."""
+        A, W, KK, L = self._parts if self.constant else self._sample(times)
+        S = KK - np.einsum("tm,tmij->tij", weights, np.broadcast_to(L, (len(times), *L.shape[1:])))
+        both = scale[:, :, None] * scale[:, None, :]
+        A, W, S, KK = A * (scale[:, None, :] / scale[:, :, None]), W / both, S * both, KK * both
+        return _block(A, W, S), sum(np.sum(np.abs(m), axis=(1, 2)) for m in (A, W, S, KK))
 
     def elements(self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray | None = None) -> Element:
         """Elements of many spans: starts, ends (T,); weights (T, M), zero if left out (no sensor)."""
@@ -135,8 +153,9 @@ class Flow:
         return self._spans(starts, ends, np.zeros((len(starts), len(self.rows))), exists), exists
 
     def _spans(self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray, exists: np.ndarray | None) -> Element:
-        F, Q, R = (self._constant if self.constant else self._varying)(starts, ends, weights, exists)
-        return F, Q / self.scale**2, R * self.scale**2
+        scale = self.scales(starts, ends, weights)
+        element = (self._constant if self.constant else self._varying)(starts, ends, weights, scale, exists)
+        return in_user_units(element, scale)
 
     def element(self, start: float, end: float, sensor: int | None = None) -> Element:
         """The element of one span with one sensor, or with none."""
@@ -146,8 +165,8 @@ class Flow:
         F, Q, R = self.elements(np.array([start]), np.array([end]), weights)
         return F[0], Q[0], R[0]
 
-    def _constant(self, starts, ends, weights: np.ndarray, exists: np.ndarray | None) -> Element:
-        H, size = self.exponents(starts, weights)
+    def _constant(self, starts, ends, weights: np.ndarray, scale: np.ndarray, exists: np.ndarray | None) -> Element:
+        H, size = self.exponents(starts, weights, scale)
         h = ends - starts
         doublings = max(0, int(np.ceil(np.log2(max(float(np.max(size * h)) / SHORT, 1e-300)))))
         element = from_transfer(exponential(H * (h / 2.0**doublings)[:, None, None]))
@@ -155,23 +174,26 @@ class Flow:
             element = star_checked(element, element, exists)
         return element
 
-    def _varying(self, starts, ends, weights: np.ndarray, exists: np.ndarray | None) -> Element:
-        M, _, _, owner = self.partition(starts, ends, weights)
+    def _varying(self, starts, ends, weights: np.ndarray, scale: np.ndarray, exists: np.ndarray | None) -> Element:
+        M, _, _, owner = self.partition(starts, ends, weights, scale)
         return self.reduce(from_transfer(M), owner, len(starts), exists)
 
-    def partition(self, starts, ends, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def partition(
+        self, starts, ends, weights: np.ndarray, scale: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Transfer matrix (K, 2n, 2n), start, length and span of every step that is short enough, in order."""
-        a, b, owner = self._initial_pieces(starts, ends, weights)
+        a, b, owner = self._initial_pieces(starts, ends, weights, scale)
         done: list[tuple[np.ndarray, ...]] = []
         total = 0
         floor = 1e-11 * np.maximum(np.max(np.abs(ends - starts), initial=0.0), 1e-300)
         while len(a):
             middle = (a + b) / 2
-            whole = self._magnus(a, b, weights[owner])
-            left, right = self._magnus(a, middle, weights[owner]), self._magnus(middle, b, weights[owner])
+            how = weights[owner], scale[owner]
+            whole = self._magnus(a, b, *how)
+            left, right = self._magnus(a, middle, *how), self._magnus(middle, b, *how)
             halves = right @ left
             error = np.max(np.abs(halves - whole), axis=(1, 2)) / np.max(np.abs(halves), axis=(1, 2))
-            smooth = (error <= TOLERANCE * 64) & self._smooth(a, b, weights[owner])
+            smooth = (error <= TOLERANCE * 64) & self._smooth(a, b, *how)
             good = smooth | (b - a <= floor)
             self.kinks.update(float(t) for t in middle[good & ~smooth])
             if not np.all(np.isfinite(error)):
@@ -192,7 +214,7 @@ class Flow:
         order = np.lexsort((x, who))
         return M[order], x[order], length[order], who[order]
 
-    def _initial_pieces(self, starts, ends, weights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _initial_pieces(self, starts, ends, weights, scale) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Spans cut at the tables' times and so short that no piece can hold an escape from P = 0."""
         a, b, owner = [], [], []
         for i, (s, e) in enumerate(zip(starts, ends, strict=True)):
@@ -205,15 +227,22 @@ class Flow:
         while True:
             share = np.linspace(0.02, 0.98, 7)
             times = (a[:, None] + (b - a)[:, None] * share).ravel()
-            size = self.exponents(times, np.repeat(np.abs(weights[owner]), len(share), axis=0))[1].reshape(len(a), -1)
+            of = np.repeat(owner, len(share))
+            size = self.exponents(times, np.abs(weights[of]), scale[of])[1].reshape(len(a), -1)
             if not np.all(np.isfinite(size)):
                 k = int(np.argmin(np.all(np.isfinite(size), axis=1)))
                 raise SolveFailed(f"the plant is not finite between t = {a[k]:.8g} and {b[k]:.8g}")
             long = np.max(size, axis=1) * (b - a) > 2 * SHORT
             if not np.any(long):
                 return a, b, owner
-            if len(a) > MAX_PIECES:
-                raise SolveFailed(f"the plant changes too fast near t = {a[np.argmax(long)]:g}")
+            # the sum is what it takes at most, by far where the plant is fast for a moment only
+            if len(a) > MAX_PIECES or np.sum(np.max(size, axis=1) * (b - a)) > 20 * MAX_PIECES:
+                fastest = float(np.max(np.max(size, axis=1)))
+                raise SolveFailed(
+                    f"near t = {a[np.argmax(long)]:g} the set of possible states moves within {1 / fastest:.1e} time "
+                    f"units: the horizon would take more than {MAX_PIECES} steps\n"
+                    "  hint: a sensor is very strong there; divide the rows of C by larger errors, or use constants"
+                )
             middle = (a + b) / 2
             a, b, owner = (
                 np.concatenate([a, middle[long]]),
@@ -221,7 +250,7 @@ class Flow:
                 np.concatenate([owner, owner[long]]),
             )
 
-    def _smooth(self, a: np.ndarray, b: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    def _smooth(self, a: np.ndarray, b: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> np.ndarray:
         """Whether the matrices at both ends of [a, b] lie where a parabola through the inner points puts them.
 
         A jump between an end and the first inner point would otherwise go unseen.
@@ -229,17 +258,18 @@ class Flow:
         root = np.sqrt(0.15)
         x = np.array([-0.5 + 1e-9, -root, 0.0, root, 0.5 - 1e-9])
         times = ((a + b)[:, None] / 2 + (b - a)[:, None] * x).ravel()
-        H = self.exponents(times, np.repeat(weights, 5, axis=0))[0].reshape(len(a), 5, -1)
+        H = self.exponents(times, np.repeat(weights, 5, axis=0), np.repeat(scale, 5, axis=0))[0]
+        H = H.reshape(len(a), 5, -1)
         rise, bend = (H[:, 3] - H[:, 1]) / (2 * root), (H[:, 3] - 2 * H[:, 2] + H[:, 1]) / (2 * root**2)
         allowed = KINK * (1e-300 + np.max(np.abs(H), axis=(1, 2)))
         fits = [np.max(np.abs(H[:, 2] + rise * x[i] + bend * x[i] ** 2 - H[:, i]), axis=1) <= allowed for i in (0, 4)]
         return fits[0] & fits[1]
 
-    def _magnus(self, a: np.ndarray, b: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    def _magnus(self, a: np.ndarray, b: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> np.ndarray:
         """One sixth-order step of the Hamiltonian system over each [a, b]."""
         h = b - a
         times = (a[:, None] + h[:, None] * INNER).ravel()
-        H = self.exponents(times, np.repeat(weights, 3, axis=0))[0]
+        H = self.exponents(times, np.repeat(weights, 3, axis=0), np.repeat(scale, 3, axis=0))[0]
         H = H.reshape(len(a), 3, 2 * self.n, 2 * self.n) * h[:, None, None, None]
         return magnus_step(H)
 

@@ -106,3 +106,30 @@ def test_a_jump_anywhere_in_a_formula_is_found():
         for one, two in zip(flow.element(0, 2, 0), exact, strict=True):
             assert one == pytest.approx(two, abs=1e-10)
         assert min(abs(t - at) for t in flow.kinks) < 1e-9
+
+
+@pytest.mark.parametrize("strength", [1.0, 1e3, 1e5])
+def test_a_strong_time_varying_sensor_takes_few_steps_and_is_right(strength):
+    # position measured a thousand times better than it moves: C'C h is 1e5 to 1e9, the filter itself is slow
+    row = as_signal([[f"{strength}*(1+0.5*sin(5*t))", 0]])
+    flow = Flow(as_signal([[0, 1], ["-1-0.2*sin(3*t)", -0.4]]), as_signal(B), as_signal(K), [row])
+    start, end, one = np.array([0.2]), np.array([0.7]), np.ones((1, 1))
+    steps = len(flow.partition(start, end, one, flow.scales(start, end, one))[1])
+    assert steps <= 64 * np.sqrt(strength)
+
+    def rate(t, z):  # of P^-1, which a strong sensor does not make small
+        Q, A0, B0, K0, C0 = z.reshape(2, 2), *(s.at(t) for s in (flow.A, flow.B, flow.K, row))
+        return (-A0.T @ Q - Q @ A0 + C0.T @ C0 - K0.T @ K0 - Q @ B0 @ B0.T @ Q).ravel()
+
+    weight = np.array([[2.0, 0.3], [0.3, 1.0]])
+    judged = solve_ivp(rate, (0.2, 0.7), weight.ravel(), "Radau", rtol=1e-9, atol=1e-9).y[:, -1].reshape(2, 2)
+    found = advance(np.linalg.inv(weight), flow.element(0.2, 0.7, 0))
+    np.testing.assert_allclose(np.linalg.inv(found) / judged, 1, rtol=1e-6)
+
+
+def test_a_sensor_beyond_all_steps_is_refused_with_the_knob():
+    from occontrol.core.errors import SolveFailed
+
+    flow = Flow(as_signal([["sin(t)"]]), as_signal([[1.0]]), as_signal([[0.1]]), [as_signal([["1e12*(2+sin(t))"]])])
+    with pytest.raises(SolveFailed, match=r"more than 200000 steps\n  hint: a sensor is very strong"):
+        flow.element(0.0, 1.0, 0)
