@@ -28,7 +28,7 @@ def certify(
 
     from occontrol.calls import ability
     from occontrol.calls import certify as call_certify
-    from occontrol.core.errors import UsageError
+    from occontrol.core.errors import ProblemError, UsageError
     from occontrol.core.solution import Status
     from occontrol.families import family_module
     from occontrol.files.data_files import read_schedule
@@ -60,7 +60,11 @@ def certify(
         claims, listed = family.claims_of(problem, recorded), _is_listed(run, problem, recorded.schedule)
     if given is None:
         raise UsageError(f"the run of family {problem.family} holds no schedule that could be certified")
-    solution = call_certify(problem, given, claims)
+    try:
+        solution = call_certify(problem, given, claims)
+    except ProblemError as error:
+        where = str(file if schedule is None else schedule)
+        raise ProblemError([replace(m, place=m.place or where) for m in error.mistakes]) from None
     if not listed:
         what = "the schedule that result.json lists is not the one in arrays.npz"
         parts = [what, *([solution.message] if solution.status is Status.DISAGREES else [])]

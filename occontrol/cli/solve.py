@@ -44,8 +44,9 @@ def solve(
             solution = run_method(problem, method, monitor)
         except (InfeasibleError, SolveFailed) as error:
             if json:
+                name = method or _method_of(problem)
                 print_json(
-                    {"family": problem.family, "status": _status_of(error), "message": str(error), "method": method}
+                    {"family": problem.family, "status": _status_of(error), "message": str(error), "method": name}
                 )
             raise
         usable = solution.status not in (Status.INFEASIBLE, Status.FAILED)
@@ -119,6 +120,14 @@ def write_with_figures(folder: Path, problem: Any, solution: Solution, figures: 
             note(f"the figures could not be drawn: {type(error).__name__}: {error}")
 
     return write_run(folder, problem, solution, draw if figures else None)
+
+
+def _method_of(problem: Any) -> str:
+    """The name of the problem's own method, or of its family's default."""
+    from occontrol.families import family_module
+
+    own = getattr(problem, "method", None)
+    return own.name if own is not None else next(iter(family_module(problem.family).METHODS))
 
 
 def _status_of(error: Exception) -> str:

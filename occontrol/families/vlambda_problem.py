@@ -19,6 +19,7 @@ from occontrol.numerics.sampled_plant import SampledPlant, sample_plant
 
 CRITERIA = ("largest-eigenvalue", "trace")
 MOST_STEPS = 1_000_000
+LOOKED_AT = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,11 @@ class Problem:
         scales = np.ones(n) if self.scales is None else np.atleast_1d(np.asarray(self.scales, dtype=float)).ravel()
         object.__setattr__(self, "scales", scales)
         if len(scales) != n:
-            found.add(("scales",), f"scales has {len(scales)} entries, the plant has {n} states", "one entry per state")
+            found.add(
+                ("scales",),
+                f"scales has {_entries(len(scales))}, the plant has {n} state{'s' * (n != 1)}",
+                "one entry per state",
+            )
         elif not (np.all(np.isfinite(scales)) and np.all(scales > 0)):
             found.add(("scales",), "a scale is not a finite number above 0")
         named = isinstance(self.sensors, SensorSuite)
@@ -172,10 +177,27 @@ class Problem:
         """Whether any sensor can be moved."""
         return any(sensor.movable for sensor in self.sensors)
 
+    def require_feasible(self) -> None:
+        """Look for a place for every movable sensor where choices begin (at LOOKED_AT of them where there are more).
+
+        Raises InfeasibleError naming the first k at which one has nowhere to be.
+        """
+        from occontrol.solvers.placement import allowed_points
+
+        looked = np.unique(np.linspace(0, self.epochs - 1, min(self.epochs, LOOKED_AT)).astype(int))
+        for k in self.starts[looked]:
+            for sensor in self.sensors:
+                if sensor.location is not None and sensor.location.constraints:
+                    allowed_points(sensor.location, int(k), sensor.name)
+
     @cached_property
     def sampled(self) -> SampledPlant:
         """Everything as arrays over k, in scaled states."""
         return sample_plant(self.plant, list(self.sensors), self.steps, self.scales)
+
+
+def _entries(count: int) -> str:
+    return f"{count} entr{'y' if count == 1 else 'ies'}"
 
 
 SelectionProblem = Problem  # its name outside of the family

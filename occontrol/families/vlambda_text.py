@@ -19,16 +19,19 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     """Label and text of what `check` prints: sizes, sensors, observability, an estimate of the work."""
     n, M = problem.states, len(problem.sensors)
     groups = comb(M, problem.select)
+    every = "step" if problem.epoch == 1 else f"{problem.epoch} steps"
     lines = [
-        ("states", f"{n}, driven by {problem.plant.Q.shape[0]} noises"),
-        ("horizon", f"k = 0 .. {problem.steps - 1}, a choice every {problem.epoch} steps: {problem.epochs} choices"),
+        ("states", f"{n}, driven by {_count(problem.plant.Q.shape[0], 'noise')}"),
+        ("horizon", f"k = 0 .. {problem.steps - 1}, a choice every {every}: {_count(problem.epochs, 'choice')}"),
         ("sensors", f"{M}, {problem.select} at a time"),
     ]
     for sensor in problem.sensors:
         rows = f"{sensor.rows} value{'s' * (sensor.rows != 1)}"
         if sensor.location is not None:
             box = " x ".join(f"[{low:g}, {high:g}]" for low, high in sensor.location.bounds)
-            limits = f", {len(sensor.location.constraints)} constraint(s)" if sensor.location.constraints else ""
+            limits = (
+                f", {_count(len(sensor.location.constraints), 'constraint')}" if sensor.location.constraints else ""
+            )
             rows += f", movable in {box}{limits}"
         lines.append((f"  {sensor.name}", rows))
     lines.append(("criterion", f"{problem.criterion} of P(k|k), summed over k"))
@@ -39,6 +42,10 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     lines.append(("sequences", f"{groups}^{problem.epochs} = 1e{exponent:.1f} (optimal cuts most of them)"))
     lines.append(("work", f"{problem.steps} filter steps of order {n}; about {_seconds(problem):.2g} s for a rule"))
     return lines
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def _seconds(problem: Problem) -> float:
@@ -71,16 +78,17 @@ def _observability(problem: Problem) -> str:
         product = plant.transition[k] @ product
         product /= max(float(np.linalg.norm(product)), 1e-300)
     rank = int(np.linalg.matrix_rank(np.concatenate(blocks), tol=1e-10)) if blocks else 0
+    within = _count(min(n, plant.steps), "step")
     if rank == n:
-        return f"all {n} states within {min(n, plant.steps)} steps when every sensor measures"
-    return f"only {rank} of {n} directions within {min(n, plant.steps)} steps, even when every sensor measures"
+        return f"all {n} states within {within} when every sensor measures"
+    return f"only {rank} of {n} directions within {within}, even when every sensor measures"
 
 
 def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     """Label and text of what `solve` prints."""
     r = solution.result
     lines = [
-        ("method", f"{solution.method}, {problem.epochs} choices over k = 0 .. {problem.steps - 1}"),
+        ("method", f"{solution.method}, {_count(problem.epochs, 'choice')} over k = 0 .. {problem.steps - 1}"),
         ("selected", _runs(r["schedule"])),
         ("cost", f"{r['cost']:.10g}  (sum over k of {_word(problem.criterion)} of P(k|k))"),
     ]

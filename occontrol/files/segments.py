@@ -123,7 +123,9 @@ def _weights(segment: Segment, problem: Any, found: Collector) -> np.ndarray:
         weights[idle] += lacking
     elif abs(lacking) > TOTAL:
         whole = segment.weights is None
-        what = f"{len(segment.sensors)} sensors are named" if whole else f"the weights add up to {np.sum(weights):g}"
+        count = len(segment.sensors)
+        named = f"{count} sensor{'s are' if count != 1 else ' is'} named"
+        what = named if whole else f"the weights add up to {np.sum(weights):g}"
         hint = "fractions of a relaxed schedule come from a run folder or result.json" if whole and lacking < 0 else ""
         _add(found, segment, f"{what}, but select is {select}", hint)
     return weights

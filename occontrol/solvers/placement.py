@@ -35,6 +35,22 @@ def grid_of(region: Region, per_coordinate: int) -> np.ndarray:
     return np.array(list(itertools.product(*axes)), dtype=float)
 
 
+def allowed_points(region: Region, step: int, name: str = "") -> np.ndarray:
+    """Points (N, d) of a grid of the box that satisfy the constraints; one point that does where the grid meets none.
+
+    Parameters
+    ----------
+    region : Region with bounds (d, 2) and constraints
+    step : k, for constraints that depend on it
+    name : of the sensor, for the message
+
+    Raises InfeasibleError when no location satisfies the constraints.
+    """
+    points = grid_of(region, 65 if region.coordinates == 1 else 17)
+    allowed = points[region.allowed(step, points)]
+    return allowed if len(allowed) else _find_allowed(region, step, points, name)
+
+
 def _project(points: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     return np.clip(points, bounds[:, 0], bounds[:, 1])
 
@@ -56,10 +72,7 @@ def place(
     Location (d,) and its merit. Of equally good ones (1e-9 relative) the lexicographically first start wins.
     Raises InfeasibleError when no location satisfies the constraints.
     """
-    points = grid_of(region, 65 if region.coordinates == 1 else 17)
-    allowed = points[region.allowed(step, points)]
-    if not len(allowed):
-        allowed = _find_allowed(region, step, points, name)
+    allowed = allowed_points(region, step, name)
     values = _finite(merit(allowed))
     refined, heights = [allowed], [values]
     for start in _peaks(allowed, values):

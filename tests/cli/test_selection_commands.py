@@ -64,3 +64,38 @@ def test_what_is_only_rounding_is_no_gap() -> None:
     assert percent(None) == "-"
     assert with_error(6.7938, 0.0921) == "6.7938 ± 0.092"
     assert with_error(6.7938, None) == with_error(6.7938, float("nan")) == "6.7938"
+
+
+SELECTION = """
+family: vlambda
+horizon: {steps: 6, epoch: 3}
+plant: {F: [[1, 0.1], [0, 1]], Q: {identity: 2}, initial: {covariance: {identity: 2}}}
+sensors:
+  - {name: one, H: [[1, 0]], R: 1}
+  - {name: two, H: [[0, 1]], R: 1}
+"""
+ROVER = '  - {name: rover, H: [["p1", 1]], R: 1, location: {bounds: [[0, 1]], constraints: ["p1 + k - 2.5"]}}\n'
+
+
+def test_a_schedule_that_is_wrong_only_for_the_epochs_is_named_by_its_file(capsys: Captured) -> None:
+    Path("x.yaml").write_text(SELECTION)
+    Path("mine.csv").write_text("start,end,sensors\n0,2,one\n2,6,two\n")
+    assert run(["certify", "x.yaml", "mine.csv"]) == 3
+    assert "mine.csv: the schedule changes inside of the epoch k = 0 .. 2" in capsys.readouterr().err
+    Path("mine.csv").write_text("start,end,sensors\n0,3,one\n3,6,two\n")
+    assert run(["certify", "x.yaml", "mine.csv"]) == 0
+    assert "one, two" in capsys.readouterr().out
+
+
+def test_a_sensor_that_has_nowhere_to_be_is_4_in_check_too(capsys: Captured) -> None:
+    """p1 <= 2.5 - k leaves nothing in the box at k = 3."""
+    Path("x.yaml").write_text(SELECTION + ROVER)
+    for command in ("check", "solve"):
+        assert run([command, "x.yaml"]) == 4
+        assert "at k = 3 no location of sensor 'rover' satisfies its constraints" in capsys.readouterr().err
+    assert run(["solve", "x.yaml", "--json"]) == 4
+    assert json.loads(capsys.readouterr().out)["method"] == "eigenspace"
+    Path("x.yaml").write_text(SELECTION + ROVER.replace("2.5", "3.5"))
+    assert run(["check", "x.yaml"]) == 0
+    out = capsys.readouterr().out
+    assert "1 constraint" in out and "(s)" not in out

@@ -169,7 +169,7 @@ def test_without_idle_all_places_are_filled(tmp_path):
     path = written(tmp_path, "start,end,sensors\n0,5,\n5,10,doppler\n", "s.csv")
     assert words(read_schedule, path, problem(idle=False)) == [f"{path}:2: 0 sensors are named, but select is 1"]
     path = written(tmp_path, "start,end,sensors\n0,10,doppler\n", "s.csv")
-    assert words(read_schedule, path, problem(2, False)) == [f"{path}:2: 1 sensors are named, but select is 2"]
+    assert words(read_schedule, path, problem(2, False)) == [f"{path}:2: 1 sensor is named, but select is 2"]
 
 
 @pytest.mark.parametrize(
