@@ -14,9 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.blas import dtrsm
 
 from occontrol.core.monitor import Monitor
+from occontrol.numerics.linalg import solve_lower
 from occontrol.solvers.precision_normal import NormalForm
 
 
@@ -61,8 +62,8 @@ def _level(upper: np.ndarray, level: float) -> np.ndarray:
 
 def _to_boundary(lower: np.ndarray, direction: np.ndarray) -> float:
     """The largest step a <= 1 (shortened by a safety factor) with C + a D > 0, C = lower lower'."""
-    half = solve_triangular(lower, direction, lower=True, check_finite=False)
-    scaled = solve_triangular(lower, half.T, lower=True, check_finite=False)
+    half = solve_lower(lower, direction)
+    scaled = solve_lower(lower, half.T)
     least = float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0])
     return -1.0 / least if least < 0 else np.inf
 
@@ -118,7 +119,7 @@ class _Newton:
         F, v, room = form.factors, point.values, point.room
         self.lower = np.linalg.cholesky(point.matrix)
         self.lower_dual = np.linalg.cholesky(point.X)
-        half = solve_triangular(self.lower, np.eye(form.rows), lower=True, check_finite=False)
+        half = solve_lower(self.lower, np.eye(form.rows))
         self.inverse = half.T @ half
         FZ = F @ self.inverse
         hessian = ((F @ point.X) @ F.T) * (FZ @ F.T)
@@ -141,8 +142,8 @@ class _Newton:
             bend_z, bend_w = before.values * before.z, before.values * before.w
         bend = np.sum((F @ bent) * F, axis=1) + bend_z / p.values + bend_w / p.room
         right = self.scale * (target * self.pull - form.costs - bend)
-        half = solve_triangular(self.factor, right, lower=True, check_finite=False)
-        step = self.scale * solve_triangular(self.factor, half, lower=True, trans=1, check_finite=False)
+        half = solve_lower(self.factor, right[:, None])
+        step = self.scale * dtrsm(1.0, self.factor.T, half, lower=0)[:, 0]
         dZ = F.T @ (step[:, None] * F)
         mixed = p.X @ dZ @ self.inverse
         dX = target * self.inverse - p.X - (mixed + mixed.T) / 2 - bent
@@ -173,7 +174,7 @@ def barrier(
     count = r + len(c) + int(np.sum(np.isfinite(form.upper)))
     mu = float(c @ values) / count
     matrix, room = form.matrix(values), form.upper - values
-    half = solve_triangular(np.linalg.cholesky(matrix), np.eye(r), lower=True)
+    half = solve_lower(np.linalg.cholesky(matrix), np.eye(r))
     point = _Point(values, mu * half.T @ half, mu / values, mu / room, room, matrix)
     best, best_cost, dual, bound = point, np.inf, point.X, 0.0
     note, stuck, idle, least_gap, iteration = "iteration limit", 0, 0, np.inf, 0

@@ -15,9 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from occontrol.equations.moments import Moments
+from occontrol.numerics.linalg import solve_lower
 
 RANK_OF_MOMENT = 1e-12  # smallest eigenvalue of Y (unit diagonal) that counts, relative to the largest
 RANK_OF_ANOMALIES = 1e-10  # the same for singular values of the measurement anomalies
@@ -51,7 +51,7 @@ class Factored:
             basis = vt[int(np.sum(s > RANK_OF_ANOMALIES * max(s[0], 1e-300))) :].T
         rows, influence = self.rows[~exact] @ basis, self.influence @ basis
         inner = np.eye(basis.shape[1]) + rows.T @ (scaled[~exact, None] * rows)
-        half = solve_triangular(np.linalg.cholesky(inner), influence.T, lower=True)
+        half = solve_lower(np.linalg.cholesky(inner), influence.T)
         return self.residual + half.T @ half
 
 
@@ -103,14 +103,14 @@ def factored(moments: Moments, bound: np.ndarray) -> Factored:
     safe = np.where(deviation > 0, deviation, 1.0)
     n = moments.states
     if moments.anomalies is not None:
-        state = solve_triangular(root, moments.anomalies[:n], lower=True)
+        state = solve_lower(root, moments.anomalies[:n])
         u, s, vt = np.linalg.svd(moments.anomalies[n:] / safe[:, None], full_matrices=False)
         rank = int(np.sum(s > RANK_OF_ANOMALIES * max(s[0], 1e-300))) if s.size else 0
         influence = state @ vt[:rank].T
         rest = state - influence @ vt[:rank]
         return Factored(rest @ rest.T, influence, u[:, :rank] * s[:rank], deviation, root)
-    state = solve_triangular(root, solve_triangular(root, moments.state, lower=True).T, lower=True)
-    cross = solve_triangular(root, moments.cross, lower=True) / safe
+    state = solve_lower(root, solve_lower(root, moments.state).T)
+    cross = solve_lower(root, moments.cross) / safe
     eigenvalues, vectors = np.linalg.eigh(moments.measurement / safe[:, None] / safe)
     keep = eigenvalues > RANK_OF_MOMENT * max(eigenvalues[-1], 1e-300) if eigenvalues.size else np.zeros(0, dtype=bool)
     spread, vectors = np.sqrt(eigenvalues[keep]), vectors[:, keep]
@@ -127,7 +127,7 @@ def reduced_form(
     `slack` loosens the bound by that fraction: for programs whose only feasible point is the cap itself.
     """
     delta = (1.0 + slack) * np.eye(keep.shape[1]) - keep.T @ split.residual @ keep
-    half = solve_triangular(np.linalg.cholesky(delta), keep.T @ split.influence, lower=True)
+    half = solve_lower(np.linalg.cholesky(delta), keep.T @ split.influence)
     _, s, vt = np.linalg.svd(half, full_matrices=True)
     kappa = np.zeros(vt.shape[0])
     kappa[: len(s)] = s**2

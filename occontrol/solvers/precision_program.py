@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from occontrol.core.errors import ProblemError
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
 from occontrol.equations.moments import Moments, posterior_covariance
+from occontrol.numerics.linalg import solve_lower
 from occontrol.numerics.sdp import LARGEST, solve_lmi
 from occontrol.solvers.precision_barrier import Iterate, barrier
 from occontrol.solvers.precision_feasibility import Feasibility, feasibility
@@ -119,7 +119,7 @@ class PrecisionResult:
 def relative_margin(posterior: np.ndarray, bound: np.ndarray) -> float:
     """Smallest eigenvalue of I - C^-1 Sigma+ C^-T with P^d = C C': positive when the bound is met."""
     root = np.linalg.cholesky(bound)
-    scaled = solve_triangular(root, solve_triangular(root, posterior, lower=True).T, lower=True)
+    scaled = solve_lower(root, solve_lower(root, posterior).T)
     return 1.0 - float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[-1])
 
 
