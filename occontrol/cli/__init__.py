@@ -53,12 +53,29 @@ def main(arguments: list[str] | None = None) -> None:
     ----------
     arguments : the words after `occontrol`; those of the process if left out
     """
+    prepare()
     code = run(sys.argv[1:] if arguments is None else arguments)
     try:
         sys.stdout.flush()
-    except BrokenPipeError:
+    except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            code = _report(f"cannot write to standard output: {error.strerror}", 8)
     sys.exit(code)
+
+
+def prepare() -> None:
+    """Make the streams fit for any text, and leave the libraries' warnings to those who look for a fault."""
+    import warnings
+
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the caller
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+        elif hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # a name that the terminal's alphabet lacks costs nothing
+    if not os.environ.get("OCCONTROL_DEBUG"):
+        warnings.simplefilter("ignore")
 
 
 def run(arguments: list[str]) -> int:
@@ -81,6 +98,8 @@ def run(arguments: list[str]) -> int:
     except OSError as error:
         name = f"{error.filename}: " if error.filename else ""
         return _report(f"{name}{error.strerror or error}", 8)
+    except SystemExit as error:  # what the parser makes of a reader that has left
+        return 0 if error.code == 1 else int(error.code or 0)
     except (KeyboardInterrupt, typer.Abort):
         return _report("interrupted, nothing written", 130)
     except MemoryError:

@@ -19,18 +19,20 @@ def simulate(
     run: Annotated[
         Path | None, typer.Option("--run", help="Run whose schedule is followed [default: runs/FILE's name, or solve].")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the random generator.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random generator.")] = 0,
 ) -> int:
     """Simulate the plant and the scheduled sensors; the truth goes beside the measurements."""
     from occontrol.calls import simulate as call_simulate
     from occontrol.cli.watch import watched
-    from occontrol.core.errors import ProblemError
+    from occontrol.core.errors import FileAccessError, ProblemError
     from occontrol.files.plain_json import to_json
     from occontrol.files.problem_file import document, read_problem
     from occontrol.files.run_folder import RESULT, check_writable, read_run
     from occontrol.files.tables import write_measurements, write_truth
 
     problem, solution = read_problem(file), None
+    if not out.parent.is_dir():
+        raise FileAccessError(f"cannot write {out}: there is no folder {out.parent}")
     check_writable(out.parent)
     folder = run or default_folder(file)
     if run is not None or (folder / RESULT).exists():

@@ -10,6 +10,8 @@ from occontrol.core.signal import ExpressionSignal, Signal
 ASYMMETRY = 1e-9
 NEGATIVE = 1e-10
 BETWEEN = 513
+LARGEST = 1e100  # products of a few such numbers are still finite
+UNITS = "choose other units"
 
 
 def check_shape(
@@ -37,14 +39,18 @@ def check_covariance(
     if matrix.size == 0:
         return []
     scale = float(np.max(np.abs(matrix)))
+    if scale > LARGEST:
+        return [Mistake(path, f"{name} is too large{when}: it holds {scale:g}", UNITS)]
     if np.max(np.abs(matrix - matrix.T)) > ASYMMETRY * scale:
         i, j = np.unravel_index(int(np.argmax(np.abs(matrix - matrix.T))), matrix.shape)
-        entries = f"entry [{i + 1},{j + 1}] is {matrix[i, j]:g}, [{j + 1},{i + 1}] is {matrix[j, i]:g}"
+        entries = f"entry [{i + 1},{j + 1}] is {matrix[i, j]:.10g}, [{j + 1},{i + 1}] is {matrix[j, i]:.10g}"
         return [Mistake(path, f"{name} is not symmetric{when}: {entries}")]
     eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
     smallest, largest = float(eigenvalues[0]), max(float(eigenvalues[-1]), 0.0)
     if definite and smallest <= 1e-14 * largest:
         return [Mistake(path, f"{name} is not positive definite{when}: its smallest eigenvalue is {smallest:g}")]
+    if definite and smallest < 1 / LARGEST:
+        return [Mistake(path, f"{name} is too small{when}: its smallest eigenvalue is {smallest:g}", UNITS)]
     if smallest < -NEGATIVE * max(largest, -smallest * 1e-3):
         return [Mistake(path, f"{name} is not positive semidefinite{when}: its smallest eigenvalue is {smallest:g}")]
     return []
@@ -53,7 +59,8 @@ def check_covariance(
 def check_finite(name: str, signal: Signal, times: np.ndarray, path: Path, variable: str = "t") -> list[Mistake]:
     """Evaluate a signal on a grid, and formulas between; name the first time at which it is not finite."""
     if signal.constant or len(times) == 0:
-        return []
+        scale = float(np.max(np.abs(signal.at(0.0)), initial=0.0)) if signal.constant else 0.0
+        return [Mistake(path, f"{name} is too large: it holds {scale:g}", UNITS)] if scale > LARGEST else []
     hint = "it must be finite over the whole horizon"
     times = looked_at(signal, times, variable)
     values = signal.sample(times)
@@ -64,10 +71,13 @@ def check_finite(name: str, signal: Signal, times: np.ndarray, path: Path, varia
         where = f"entry [{i + 1},{j + 1}] is {values[k, i, j]}"
         return [Mistake(path, f"{name} is not finite at {variable} = {times[k]:.6g}: {where}", hint)]
     pole = signal.pole(times) if isinstance(signal, ExpressionSignal) and variable == "t" else None
-    if pole is None:
-        return []
-    what = f"{name} is not finite at {variable} = {pole[0]:.6g}: entry [{pole[1] + 1},{pole[2] + 1}] is infinite"
-    return [Mistake(path, what, hint)]
+    if pole is not None:
+        what = f"{name} is not finite at {variable} = {pole[0]:.6g}: entry [{pole[1] + 1},{pole[2] + 1}] is infinite"
+        return [Mistake(path, what, hint)]
+    sizes = np.max(np.abs(values), axis=(1, 2), initial=0.0)
+    k = int(np.argmax(sizes))
+    what = f"{name} is too large at {variable} = {times[k]:.6g}: it holds {sizes[k]:g}"
+    return [Mistake(path, what, UNITS)] if sizes[k] > LARGEST else []
 
 
 def looked_at(signal: Signal, times: np.ndarray, variable: str = "t") -> np.ndarray:

@@ -32,6 +32,10 @@ class Schedule:
         weights = np.asarray(self.weights, dtype=float)
         if weights.shape != (len(edges) - 1, len(self.names)):
             raise ValueError(f"weights are {weights.shape}, expected {(len(edges) - 1, len(self.names))}")
+        if not (np.all(np.isfinite(edges)) and np.all(np.diff(edges) > 0)):
+            raise ValueError("the edges of the schedule are not increasing numbers")
+        if not (np.all(np.isfinite(weights)) and np.all(weights >= -INTEGER)):
+            raise ValueError("the weights of the schedule are not all numbers from 0 upwards")
         object.__setattr__(self, "edges", edges)
         object.__setattr__(self, "weights", weights)
         object.__setattr__(self, "names", tuple(self.names))

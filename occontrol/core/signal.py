@@ -101,6 +101,8 @@ class ExpressionSignal(Signal):
 
     def sample(self, times: np.ndarray) -> np.ndarray:
         times = np.asarray(times, dtype=float)
+        if len(times) == 0:  # CasADi would take it for one time
+            return np.empty((0, *self.shape))
         values = np.array(self._function(times.reshape(1, -1)))
         return np.ascontiguousarray(values.T).reshape(len(times), *self.shape)
 

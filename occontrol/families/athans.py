@@ -114,7 +114,8 @@ def parts_of(solution: Solution) -> dict[str, float]:
     """
     result = solution.result
     flat = {name: result.get(name) for name in PARTS}
-    flat["continuous cost"] = (result.get("continuous") or {}).get("cost")
+    continuous = result.get("continuous")
+    flat["continuous cost"] = continuous.get("cost") if isinstance(continuous, dict) else None
     return {name: float(value) for name, value in flat.items() if isinstance(value, int | float)}
 
 
@@ -127,7 +128,8 @@ def claims_of(problem: SchedulingProblem, solution: Solution) -> Claims:
     """
     from occontrol.solvers.certificate import Claims
 
-    bound = (solution.result.get("continuous") or {}).get("lower_bound")
+    continuous = solution.result.get("continuous")
+    bound = continuous.get("lower_bound") if isinstance(continuous, dict) else None
     cost, lower = (None, None) if solution.certificate is None else (solution.cost, solution.certificate.lower_bound)
     gap = solution.result.get("relative_gap")
     bound, gap = (float(x) if isinstance(x, int | float) else None for x in (bound, gap))

@@ -199,6 +199,8 @@ def _solution(problem: Any, content: dict, arrays: dict[str, np.ndarray], path: 
     try:
         schedule = None
         if {"edges", "weights"} <= arrays.keys():
+            if any(arrays[name].dtype.kind not in "fiu" for name in ("edges", "weights")):
+                raise ValueError("edges and weights are not real numbers")
             schedule = Schedule(arrays["edges"], arrays["weights"], tuple(problem.sensors.names))
         return replace(
             Solution(
@@ -217,5 +219,5 @@ def _solution(problem: Any, content: dict, arrays: dict[str, np.ndarray], path: 
             ),
             problem=problem,
         )
-    except (TypeError, ValueError, AttributeError) as error:
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ProblemError(Mistake((), f"the result does not fit the problem: {error}", place=str(path))) from None

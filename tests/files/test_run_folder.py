@@ -184,3 +184,29 @@ def test_a_folder_without_permission(tmp_path: Path, small_solution: Solution) -
     tmp_path.chmod(0o500)
     with pytest.raises(FileAccessError, match="no permission"):
         write_run(tmp_path / "run", small_solution.problem, small_solution)
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "words"),
+    [
+        ("weights", lambda a: a * np.nan, "the weights of the schedule are not all numbers from 0 upwards"),
+        ("weights", lambda a: a - 1.0, "the weights of the schedule are not all numbers from 0 upwards"),
+        ("weights", lambda a: a.astype(complex), "edges and weights are not real numbers"),
+        ("weights", lambda a: a.astype(str), "edges and weights are not real numbers"),
+        ("edges", lambda a: a[::-1].copy(), "the edges of the schedule are not increasing numbers"),
+    ],
+)
+def test_arrays_that_are_no_schedule(tmp_path: Path, small_solution: Solution, name, spoil, words) -> None:
+    arrays = {**small_solution.arrays, name: spoil(small_solution.arrays[name])}
+    write_run(tmp_path, small_solution.problem, dataclasses.replace(small_solution, arrays=arrays))
+    with pytest.raises(ProblemError, match=words):
+        read_run(tmp_path)
+
+
+@pytest.mark.parametrize(("key", "value"), [("iterations", "1e999"), ("seconds", "1e999"), ("continuous", "3")])
+def test_numbers_in_a_result_that_are_none(tmp_path: Path, small_solution: Solution, key: str, value: str) -> None:
+    from occontrol.cli import run
+
+    content = write_run(tmp_path, small_solution.problem, small_solution)
+    (tmp_path / RESULT).write_text(json.dumps({**content, key: "@"}).replace('"@"', value))
+    assert run(["certify", str(tmp_path)]) in (0, 3, 7)

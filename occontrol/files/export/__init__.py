@@ -38,6 +38,8 @@ def export_run(run: str | Path, to: str, out: str | Path | None = None) -> list[
 
     problem, solution = read_run(run)
     target = Path(run) / FORMATS[to] if out is None else Path(out)
+    if target.is_dir() and Path(FORMATS[to]).suffix:
+        target = target / FORMATS[to]
     try:
         return importlib.import_module(f"occontrol.files.export.{to}").write(problem, solution, target)
     except OSError as error:

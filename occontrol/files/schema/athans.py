@@ -151,8 +151,9 @@ def _edges(horizon: Horizon, context: Context) -> Any:
                 wrong(("horizon", key), f"horizon.{key} is {value:g}, but the edges {key} at {edge:g}", "leave it out")
         return edges if len(context.found.mistakes) == before else None
     start = 0.0 if horizon.start is None else horizon.start
-    if {("horizon", key) for key in ("start", "end", "intervals", "edges")} & {m.path for m in context.found.mistakes}:
-        return None  # one of them was unreadable and left out
+    unreadable = {m.path[1] for m in context.found.mistakes if len(m.path) > 1 and m.path[0] == "horizon"}
+    if unreadable & {"start", "end", "intervals", "edges"}:
+        return None  # one of them was left out
     if horizon.end is None or horizon.intervals is None:
         lacking = "'end'" if horizon.end is None else "neither 'intervals' nor 'edges'"
         wrong(
