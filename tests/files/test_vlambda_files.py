@@ -109,7 +109,7 @@ MISTAKES = [
     ("name: b", "name: a", ":10:", "the name 'a' is used twice"),
     ("select: 2", "select: 4", ":15:", "select is 4, there are 3 sensors"),
     ("select: 2", "select: 0", ":15:", "select is 0"),
-    ("scales: [1, 2]", "scales: [1]", ":16:", "scales has 1 entries, the plant has 2 states"),
+    ("scales: [1, 2]", "scales: [1]", ":16:", "scales has 1 entry, the plant has 2 states"),
     ("scales: [1, 2]", "scales: [1, 0]", ":16:", "a scale is not a finite number above 0"),
     ("criterion: trace", "criterion: {name: determinant}", ":17:", "unknown criterion 'determinant'"),
     ("name: lookahead", "name: lookahed", ":18:", "did you mean 'lookahead'"),
