@@ -18,6 +18,7 @@ from occontrol.core.errors import InfeasibleError
 
 STARTS = 5  # points that are refined
 MOST_POINTS = 4096
+ROUNDING = 1e-14  # relative, of a merit
 STEP = 1e-5  # of the central differences, in units of the box
 _FINE = {"ftol": 1e-14}
 
@@ -87,7 +88,11 @@ def place(
             f"at k = {step} sensor '{name}' measures nothing finite anywhere in its box\n"
             "  hint: H must be finite and R positive definite inside the bounds"
         )
-    good = np.flatnonzero(merits >= np.max(merits) - 1e-9 * abs(np.max(merits)))
+    top = float(np.max(merits))
+    # a point of the grid that nothing beats is exact, and the same whatever the refinement rounds
+    good = np.flatnonzero(values >= top - ROUNDING * abs(top))
+    if not len(good):
+        good = np.flatnonzero(merits >= top - 1e-9 * abs(top))
     refined_first = good[good >= len(allowed)] if np.any(good >= len(allowed)) else good
     order = np.lexsort(np.round(candidates[refined_first], 9).T[::-1])
     chosen = refined_first[order[0]]
@@ -167,24 +172,30 @@ def _find_allowed(region: Region, step: int, points: np.ndarray, name: str) -> n
     """One allowed location by minimising the violation, when the grid meets none."""
     from scipy.optimize import minimize
 
+    def limits(p: np.ndarray) -> np.ndarray:
+        return region.limits.sample(np.array([step]), p[None])[0, :, 0]
+
     def violation(p: np.ndarray) -> float:
-        values = region.limits.sample(np.array([step]), p[None])[0, :, 0]
+        values = limits(p)
         return float(np.sum(np.maximum(values, 0.0) ** 2)) if np.all(np.isfinite(values)) else 1e10
 
-    limits = {"type": "ineq", "fun": lambda p: -region.limits.sample(np.array([step]), p[None])[0, :, 0]}
     box = [tuple(b) for b in region.bounds]
-    for start in sorted(points, key=violation)[:STARTS]:
-        # the nearest allowed point
-        found = minimize(
-            lambda p, start=start: float(np.sum((p - start) ** 2)),
-            start,
-            bounds=box,
-            constraints=[limits],
-            method="SLSQP",
-        )
-        p = _project(np.asarray(found.x), region.bounds)
-        if region.allowed(step, p[None], 1e-7)[0]:
-            return p[None]
+    starts = sorted(points, key=violation)[:STARTS]
+    # first a hair inside of the limits; a set without an inside is met to the solver's accuracy only
+    for margin, slack in ((1e-9, 0.0), (0.0, 0.0), (0.0, 1e-7)):
+        for start in starts:
+            # the nearest allowed point
+            found = minimize(
+                lambda p, start=start: float(np.sum((p - start) ** 2)),
+                start,
+                bounds=box,
+                constraints=[{"type": "ineq", "fun": lambda p, margin=margin: -limits(p) - margin}],
+                method="SLSQP",
+                options=_FINE,
+            )
+            p = _project(np.asarray(found.x), region.bounds)
+            if region.allowed(step, p[None], slack)[0]:
+                return p[None]
     raise InfeasibleError(
         f"at k = {step} no location of sensor '{name}' satisfies its constraints\n"
         "  hint: widen the bounds or a constraint"

@@ -70,3 +70,20 @@ def test_the_grid_holds_the_corners_and_stays_small():
     assert points.shape == (25, 2)
     assert {(0.0, 2.0), (1.0, 4.0)} <= {tuple(p) for p in points}
     assert len(grid_of(Region([[0.0, 1.0]] * 6), 50)) <= 4096
+
+
+@pytest.mark.parametrize("width", [1e-8, 1e-10, 1e-12])
+def test_a_set_between_the_points_of_the_grid_is_found_and_kept_to(width):
+    """|p1 - 0.3141| <= sqrt(width): the best point of it for a growing merit is its upper end, and not beyond."""
+    region = Region([[0.0, 1.0]], [f"(p1-0.3141)*(p1-0.3141)-{width!r}"])
+    where, merit = place(region, 0, lambda p: p[:, 0])
+    assert region.allowed(0, where[None])[0]
+    assert where[0] == pytest.approx(0.3141 + np.sqrt(width), abs=0.02 * np.sqrt(width))
+    assert merit == where[0]
+
+
+def test_where_all_places_are_equal_the_lowest_corner_wins():
+    for bounds in ([[0.0, 3.0]], [[-1.0, 1.0], [2.0, 5.0]]):
+        region = Region(bounds)
+        where, _ = place(region, 0, lambda p: np.cos(p[:, 0]) ** 2 + np.sin(p[:, 0]) ** 2)
+        assert list(where) == [low for low, _ in bounds]
