@@ -51,6 +51,7 @@ class Program:
     lower, upper : (n,);  g_lower, g_upper : (m,)
     spell : from a row of g to words, for messages
     unit : a typical size of f; Ipopt sees f/unit, everybody else f
+    jacobian : CasADi expression (m, n) of dg/dx where its structure is known; otherwise CasADi finds it
     """
 
     variables: Any
@@ -62,6 +63,7 @@ class Program:
     g_upper: np.ndarray
     spell: Callable[[int], str] = field(default=lambda row: f"constraint {row}")
     unit: float = 1.0
+    jacobian: Any = None
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,10 @@ def solve_nlp(program: Program, start: np.ndarray, options: IpoptOptions, monito
     if monitor.time_limit is not None:
         settings["ipopt.max_wall_time"] = max(monitor.time_limit - monitor.seconds, 0.01)
     problem = {"x": program.variables, "f": program.objective / program.unit, "g": program.constraints}
+    if program.jacobian is not None:
+        x, p = program.variables, casadi.MX.sym("p", 0, 1)
+        pair = [program.constraints, program.jacobian]
+        settings["jac_g"] = casadi.Function("nlp_jac_g", [x, p], pair, ["x", "p"], ["g", "jac_g_x"])
     solver = casadi.nlpsol("solver", "ipopt", problem, settings)
     check_start(program, solver, start)
     bounds = {"lbx": program.lower, "ubx": program.upper, "lbg": program.g_lower, "ubg": program.g_upper}

@@ -16,6 +16,7 @@ from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.solution import Status
 from occontrol.equations.hamiltonian import information_rates
 from occontrol.numerics.collocation_points import butcher_table
+from occontrol.numerics.nlp import IpoptOptions
 from occontrol.solvers.collocation_mesh import Mesh, simulate_mesh
 from occontrol.solvers.collocation_program import Transcription, frames
 from occontrol.solvers.options import Collocation
@@ -25,6 +26,12 @@ ROUNDS = 6
 STEP = 0.7
 GROWTH_STEP = 3.0
 INFORMATION = 2.0
+SHARE = 0.9
+# Where MUMPS counts a wrong inertia, look at the curvature along the step (Chiang, Zavala 2016) and add to the Hessian
+# only if it is not positive: the problem is convex in the weights but nearly flat in most directions, the count is then
+# not to be trusted, and what Ipopt would add turns Newton's steps into hundreds of gradient steps.
+FIRST = (("neg_curv_test_tol", 1e-14), ("mu_init", 0.1))
+AGAIN = (("neg_curv_test_tol", 1e-14), ("mu_init", 1e-3), ("bound_push", 1e-6), ("bound_frac", 1e-6))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,13 +89,17 @@ def solve_collocation(
     longest = GROWTH_STEP if by_growth else STEP
     mesh = simulate_mesh(problem, weights, table[2], longest, by_growth)
     iterations, accuracy = 0, 0.1 * options.relative_gap
-    unit = abs(simulated_cost(problem, weights, mesh, table, W)) or 1.0
+    tolerance = max(0.01 * options.relative_gap, 1e-9)
+    # so that the gradient by the weights of one interval is about 1, as Ipopt's barrier and tolerances expect
+    unit = abs(simulated_cost(problem, weights, mesh, table, W)) / problem.intervals or 1.0
     for turn in range(ROUNDS):
         transcription = Transcription(problem, table, mesh, W, information)
-        found = transcription.solve(weights, options.max_iterations - iterations, monitor, unit, warm=turn > 0)
+        limits = IpoptOptions(options.max_iterations - iterations, tolerance, more=FIRST if turn == 0 else AGAIN)
+        found = transcription.solve(weights, limits, monitor, unit)
         iterations += found.iterations
         weights = feasible_policy(problem, transcription.weights(found.x))
         covariance = transcription.covariances(found.x)
+        costate = np.concatenate([transcription.costates(found), W[None]])
         step = longest / (1.0 if problem.running is None else 2.0 ** (turn + 1))  # the quadrature of tr(R Sigma)
         again = simulate_mesh(problem, weights, table[2], step, by_growth, mesh.starts)
         off = abs(simulated_cost(problem, weights, again, table, W) - found.objective) / max(
@@ -96,7 +107,7 @@ def solve_collocation(
         )
         if found.status is not Status.FEASIBLE or off <= accuracy or turn == ROUNDS - 1:
             break
-        cuts = np.append(mesh.starts, rough_middles(mesh, covariance, again))
+        cuts = np.append(mesh.starts, finer_cuts(mesh, covariance, costate, again))
         mesh = simulate_mesh(problem, weights, table[2], step, by_growth, cuts)
     message = found.message
     if found.status is Status.FAILED and found.violation < 0.1:
@@ -106,12 +117,11 @@ def solve_collocation(
     if status is Status.FEASIBLE and off > accuracy:
         message += f"; its cost is {off:.1e} off a simulation of its policy: use more intervals"
     nodes = np.append(mesh.first, len(mesh.starts))
-    costate = np.concatenate([transcription.costates(found)[mesh.first], W[None]])
     return RawOutcome(
         weights=weights,
         cost=found.objective,
         covariance=covariance[nodes],
-        costate=costate,
+        costate=costate[nodes],
         iterations=iterations,
         status=status,
         message=message,
@@ -119,22 +129,33 @@ def solve_collocation(
     )
 
 
-def rough_middles(mesh: Mesh, covariance: np.ndarray, simulated: Mesh) -> np.ndarray:
-    """Middles of the elements over which the collocated covariance moves away from the simulated one.
+def finer_cuts(mesh: Mesh, covariance: np.ndarray, costate: np.ndarray, simulated: Mesh) -> np.ndarray:
+    """Inner quarters of the elements that make up most of the error, in the cost or relative to the covariance.
+
+    tr(P dSigma) at the end of an element is what the departure dSigma of the collocated from the simulated covariance
+    will cost; what it changes by over an element is that element's share. Where dSigma is not small, in steep falls,
+    its size relative to Sigma counts instead: both sets are cut.
 
     Parameters
     ----------
     mesh : Mesh of E elements
-    covariance : (E + 1, n, n) collocated, at their ends
+    covariance, costate : (E + 1, n, n) collocated, at their ends
     simulated : Mesh, a refinement, with the covariance of the same policy
     """
-    place = np.append(np.searchsorted(simulated.starts, mesh.starts[1:]), len(simulated.starts))
-    exact = simulated.ends[place]
-    inverse = np.linalg.inv(frames(exact))
-    off = inverse @ (covariance[1:] - exact) @ np.swapaxes(inverse, 1, 2)
-    distance = np.linalg.norm(off, axis=(1, 2))
-    moved = np.diff(distance, prepend=0.0)
-    return (mesh.starts + mesh.lengths / 2)[moved >= 0.05 * np.max(moved)]
+    place = np.append(0, np.append(np.searchsorted(simulated.starts, mesh.starts[1:]), len(simulated.starts)))
+    off = covariance - simulated.ends[place]
+    inverse = np.linalg.inv(frames(simulated.ends[place]))
+    relative = np.linalg.norm(inverse @ off @ np.swapaxes(inverse, 1, 2), axis=(1, 2))
+    in_cost = np.abs(np.diff(np.einsum("eij,eij->e", costate, off)))
+    chosen = np.union1d(_most(in_cost), _most(np.maximum(np.diff(relative), 0.0)))
+    return (mesh.starts[chosen, None] + mesh.lengths[chosen, None] * np.array([0.25, 0.5, 0.75])).ravel()
+
+
+def _most(shares: np.ndarray) -> np.ndarray:
+    """The fewest indices whose shares are together SHARE of the sum."""
+    order = np.argsort(-shares)
+    sums = np.cumsum(shares[order])
+    return order[: 1 + np.searchsorted(sums, SHARE * sums[-1])]
 
 
 def information_form(problem: SchedulingProblem) -> bool:

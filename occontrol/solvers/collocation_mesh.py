@@ -9,9 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.core.scheduling import SchedulingProblem
+from occontrol.core.signal import Signal, TableSignal
 from occontrol.solvers.policy_simulation import Data, simulate_interval
 
 LARGEST = 80
+CORNER = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,17 +82,21 @@ def simulate_mesh(
 
 
 def coarse_breaks(problem: SchedulingProblem) -> np.ndarray:
-    """Times at which elements must end: the breakpoints of tables, except dense ones that are joined by straight lines.
+    """Times at which elements must end: jumps of tables, and corners where the slope changes much.
 
-    A linear table with more breakpoints than there are intervals stands for a smooth function; elements across its
-    kinks are accurate enough, or are cut later because the simulation of the policy says so.
+    A finely tabulated smooth function bends a little at every breakpoint; elements across such kinks are accurate
+    enough, or are cut later because the simulation of the policy says so.
     """
-    times = [np.empty(0)]
-    for signal in problem.signals.values():
-        dense = len(signal.breakpoints) > problem.intervals and getattr(signal, "interpolation", "") == "linear"
-        if not dense:
-            times.append(signal.breakpoints)
-    return np.unique(np.concatenate(times))
+    return np.unique(np.concatenate([np.empty(0), *[_corners(signal) for signal in problem.signals.values()]]))
+
+
+def _corners(signal: Signal) -> np.ndarray:
+    if not isinstance(signal, TableSignal) or signal.interpolation != "linear" or len(signal.times) < 2:
+        return signal.breakpoints
+    steps = np.diff(signal.times)
+    slopes = np.diff(signal.values, axis=0) / steps[:, None, None]
+    bends = np.abs(np.diff(slopes, axis=0)) * np.minimum(steps[1:], steps[:-1])[:, None, None]
+    return signal.times[1:-1][np.any(bends > CORNER * np.max(np.abs(signal.values), axis=0), axis=(1, 2))]
 
 
 def _cut(

@@ -104,13 +104,22 @@ class Transcription:
         running = np.swapaxes(D, 1, 2) @ running @ D
         return [self.mesh.lengths[None], *map(beside, (drift, noise, rates)), costs, beside(running)]
 
-    def solve(self, weights: np.ndarray, max_iterations: int, monitor: Monitor, unit: float, warm: bool) -> NlpOutcome:
-        """Ipopt from the mesh's simulated covariance and `weights` (N, M), whose cost is about `unit`."""
+    def solve(self, weights: np.ndarray, options: IpoptOptions, monitor: Monitor, unit: float) -> NlpOutcome:
+        """Ipopt from the mesh's simulated covariance and `weights` (N, M).
+
+        Parameters
+        ----------
+        weights : (N, M)
+        options : IpoptOptions
+        monitor : Monitor
+        unit : a typical share of one interval in the cost
+        """
         import casadi
 
         problem, E, p = self.problem, self.elements, self.packed
         N, M = weights.shape
-        v, y = casadi.MX.sym("v", M, N), casadi.MX.sym("y", p, self.unknown * E)
+        x = casadi.MX.sym("x", M * N + p * self.unknown * E)
+        v, y = casadi.reshape(x[: M * N], M, N), casadi.reshape(x[M * N :], p, self.unknown * E)
         last = y[:, self.unknown - 1 :: self.unknown]
         identity = np.eye(problem.states)[None]
         initial = problem.plant.covariance
@@ -122,7 +131,9 @@ class Transcription:
         first = casadi.DM(vech(initial)[:, None])
         before = casadi.horzcat(first, last[:, :-1]) if E > 1 else first
         by_element = v[:, self.mesh.interval.tolist()]
-        residuals, costs = self._element().map(E)(before, y, np.hstack(list(turns)), by_element, *self._parameters())
+        element = self._element()
+        inputs = (before, y, np.hstack(list(turns)), by_element, *self._parameters())
+        residuals, costs = element.map(E)(*inputs)
         terminal = self.frames[-1].T @ self.terminal @ self.frames[-1]
         end = casadi.SX.sym("end", p)
         final = casadi.solve(unvech(end), casadi.SX.eye(problem.states)) if self.information else unvech(end)
@@ -139,7 +150,7 @@ class Transcription:
         sums = casadi.sum1(v)[:, free.tolist()].T if len(free) else casadi.MX(0, 1)
         rows = p * self.unknown * E
         program = Program(
-            variables=casadi.veccat(v, y),
+            variables=x,
             objective=cost,
             constraints=casadi.vertcat(casadi.vec(residuals), sums),
             lower=np.concatenate([lower.ravel(), np.full(rows, -np.inf)]),
@@ -148,6 +159,7 @@ class Transcription:
             g_upper=np.concatenate([np.zeros(rows), np.full(len(free), float(problem.select))]),
             spell=self._spell,
             unit=unit,
+            jacobian=self._jacobian(element, inputs, free),
         )
         state = self.mesh.stages
         if self.ends_apart:
@@ -155,11 +167,33 @@ class Transcription:
         inverses = self.inverses[:, None]
         state = inverses @ state @ np.swapaxes(inverses, -1, -2)
         start = np.concatenate([weights.ravel(), vech(np.linalg.inv(state) if self.information else state).ravel()])
-        # on stiff starts the monotone barrier loses its way
-        more: tuple = (("mu_strategy", "adaptive"),) if E > 4 * N else (("mu_init", 1e-3),)
-        if warm:
-            more = (("mu_init", 1e-5), ("bound_push", 1e-6), ("bound_frac", 1e-6))
-        return solve_nlp(program, start, IpoptOptions(max_iterations, more=more), monitor)
+        return solve_nlp(program, start, options, monitor)
+
+    def _jacobian(self, element: Any, inputs: tuple, free: np.ndarray) -> Any:
+        """The constraints' Jacobian, put together from the elements' dense blocks.
+
+        CasADi would find it by some hundred sweeps through all elements, twenty times the work.
+        """
+        import casadi
+
+        E, p, u, M = self.elements, self.packed, self.unknown, len(self.problem.sensors)
+        size, N = p * u, self.problem.intervals
+        blocks = element.jacobian()
+        found = blocks.map(E)(*inputs, casadi.MX(p, u * E), casadi.MX(1, E))
+        starts = M * N + size * np.arange(E)  # columns of the unknowns of each element
+        rows, columns, values = [], [], []
+        # of the residuals' derivatives (the first outputs) those by `before`, which is given for the first, `inner`, v
+        for i, first, known in ((0, starts - p, 1), (1, starts, 0), (3, M * self.mesh.interval, 0)):
+            row, column = np.array(blocks.sparsity_out(i).get_triplet(), dtype=int).reshape(2, -1)
+            rows.append((row + size * np.arange(known, E)[:, None]).ravel())
+            columns.append((column + first[known:, None]).ravel())
+            values.append(found[i].nz[len(row) * known :])
+        rows.append(np.repeat(size * E + np.arange(len(free)), M))
+        columns.append((M * free[:, None] + np.arange(M)).ravel())
+        values.append(casadi.MX.ones(len(free) * M))
+        shape = (size * E + len(free), M * N + size * E)
+        pattern, order = _pattern(shape, np.concatenate(rows), np.concatenate(columns))
+        return casadi.MX(pattern, casadi.vertcat(*values)[order])
 
     def _spell(self, row: int) -> str:
         element = row // (self.packed * self.unknown)
@@ -205,3 +239,12 @@ def frames(covariances: np.ndarray) -> np.ndarray:
     values, vectors = np.linalg.eigh(unit)
     lifted = (vectors * np.maximum(values, 1e-9)[:, None]) @ np.swapaxes(vectors, 1, 2)
     return scale[:, :, None] * np.linalg.cholesky(lifted)
+
+
+def _pattern(shape: tuple[int, int], rows: np.ndarray, columns: np.ndarray) -> tuple[Any, list[int]]:
+    """CasADi's sparsity of entries at (rows, columns), each once, and the order in which it wants them."""
+    import casadi
+
+    order = np.lexsort((rows, columns))
+    starts = np.searchsorted(columns[order], np.arange(shape[1] + 1))
+    return casadi.Sparsity(*shape, starts.tolist(), rows[order].tolist()), order.tolist()

@@ -1,5 +1,9 @@
 """Direct collocation against closed forms, re-integration, and the multipliers against an integrated costate."""
 
+import dataclasses
+import itertools
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -10,11 +14,18 @@ from occontrol.core.plant import LinearPlant
 from occontrol.core.schedule import Schedule
 from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.sensor import Sensor, idle_sensor
+from occontrol.core.signal import TableSignal
 from occontrol.core.solution import Status
+from occontrol.files.problem_file import read_problem
+from occontrol.numerics.discretise import discretise, half_predicts
+from occontrol.numerics.sweep import Sweep
+from occontrol.solvers import collocation_program
 from occontrol.solvers.collocation import feasible_policy, solve_collocation, uniform_policy
-from occontrol.solvers.collocation_mesh import simulate_mesh
+from occontrol.solvers.collocation_mesh import coarse_breaks, simulate_mesh
 from occontrol.solvers.options import Collocation
+from occontrol.solvers.policy_simulation import Data, simulate_interval
 from occontrol.solvers.reintegration import reintegrate
+from occontrol.solvers.relaxed import RelaxedOptions, minimise_relaxed
 
 
 def scalar(data=(0.0, 1, 1, 1, 5, 1, 0.1), intervals=40):
@@ -203,3 +214,80 @@ def test_mesh_follows_a_steep_start():
 def check_scalar(start, rate, t):
     root = rate**-0.5
     return root * (start + root * np.tanh(t / root)) / (root + start * np.tanh(t / root))
+
+
+class Enough(Exception):
+    """The program has been seen."""
+
+
+@pytest.mark.parametrize("scheme", ["radau", "legendre"])
+@pytest.mark.parametrize("changes", [{}, {"running": None, "edges": np.linspace(0, 3, 2)}])
+def test_the_jacobian_of_blocks_is_the_one_that_casadi_finds(scheme, changes, monkeypatch):
+    seen = []
+
+    def keep(program, start, options, monitor):
+        seen.append((program, start))
+        raise Enough
+
+    monkeypatch.setattr(collocation_program, "solve_nlp", keep)
+    with pytest.raises(Enough):
+        solve_collocation(oscillator(**changes), Collocation(scheme=scheme))
+    import casadi
+
+    program, start = seen[0]
+    both = [casadi.jacobian(program.constraints, program.variables), program.jacobian]
+    at = start + 0.05 * np.random.default_rng(0).normal(size=len(start))
+    found, given = casadi.Function("both", [program.variables], both)(at)
+    assert np.count_nonzero(np.array(found)) > 50
+    np.testing.assert_allclose(np.array(given), np.array(found), rtol=1e-12, atol=1e-13)
+
+
+def test_only_corners_of_tables_end_elements():
+    times = np.linspace(0, 3, 31)
+    smooth = TableSignal(times, np.stack([[[np.cos(t), 0.0]] for t in times]))
+    corner = TableSignal(np.array([0, 1.7, 3]), np.array([[[0.3]], [[0.1]], [[0.3]]]))
+    held = TableSignal(np.array([0, 0.9]), np.array([[[0.4]], [[0.2]]]), "previous")
+    sensors = [Sensor("a", smooth, corner), Sensor("b", [[0, 1]], held), idle_sensor(2)]
+    breaks = coarse_breaks(oscillator(sensors=sensors))
+    np.testing.assert_allclose(breaks, [0, 0.9, 1.7])
+
+
+@pytest.mark.parametrize("prior", [5.0, 1e4])  # the second is integrated in the information form
+def test_simulation_from_kink_to_kink(prior):
+    times = np.array([0, 0.2, 0.35, 0.5, 1.0])
+    C = TableSignal(times, np.array([[[1, 0]], [[0.2, 1]], [[2, -1]], [[0, 1]], [[1, 1.0]]]))
+    held = TableSignal(np.array([0, 0.6]), np.array([[[0.1]], [[0.02]]]), "previous")
+    plant = LinearPlant([[0, 1], [-1, -0.4]], [[0, 0], [0, 0.5]], prior * np.eye(2))
+    problem = oscillator(plant=plant, sensors=[Sensor("a", C, held), idle_sensor(2)], edges=np.array([0, 1.0]))
+    path = simulate_interval(Data(problem), 0.0, 1.0, plant.covariance, np.array([0.8, 0.2]))
+
+    def rate(t, y, theta):
+        Y, A, c = y.reshape(2, 2), plant.A.at(t), C.at(t)
+        return (0.8 / theta * c.T @ c - Y @ A - A.T @ Y - Y @ plant.noise.at(t) @ Y).ravel()
+
+    Y = np.linalg.inv(plant.covariance).ravel()
+    for a, b in itertools.pairwise([0, 0.2, 0.35, 0.5, 0.6, 1.0]):
+        given = {"method": "LSODA", "rtol": 1e-11, "atol": 1e-14, "args": (0.1 if a < 0.6 else 0.02,)}
+        Y = solve_ivp(rate, (a, b), Y, **given).y[:, -1]
+        np.testing.assert_allclose(path(np.array([b]))[0], np.linalg.inv(Y.reshape(2, 2)), rtol=1e-6, atol=1e-7)
+    mixed = path(np.array([0.7, 0.1, 0.35]))
+    np.testing.assert_allclose(mixed[2], path(np.array([0.35]))[0], rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_first_passes_of_the_tracking_network_agree_with_the_relaxation():
+    """Tables of hundreds of breakpoints, six states, nine sensors: few elements, few iterations, the same optimum."""
+    whole = read_problem(Path(__file__).parents[2] / "problems" / "tracking_network.yaml")
+    last = int(np.searchsorted(whole.edges, 2589.0))
+    problem = dataclasses.replace(whole, edges=whole.edges[: last + 1], predict_at=5576.0)
+    found = solve_collocation(problem)
+    assert found.status is Status.FEASIBLE, found.message
+    assert found.iterations <= 100 and found.elements <= 2 * problem.intervals
+    sweep = Sweep(discretise(problem, half_predicts(problem)))
+    relaxed = minimise_relaxed(sweep, None, RelaxedOptions(1e-6, 5000), Monitor()).weights
+    again = check(problem, found)
+    best = reintegrate(problem, Schedule(problem.edges, relaxed, tuple(problem.sensors.names)))
+    uniform = reintegrate(problem, Schedule(problem.edges, uniform_policy(problem), tuple(problem.sensors.names)))
+    assert uniform.cost > 1.05 * best.cost
+    assert again.cost == pytest.approx(best.cost, rel=1e-4)
+    assert found.cost == pytest.approx(again.cost, rel=3e-5)
