@@ -52,13 +52,16 @@ def assemble(
     status, message = found.status, found.message
     if status is Status.CERTIFIED and not found.proves and certificate.relative_gap > found.target:
         status = Status.FEASIBLE
-    if not judged.agrees:
-        status, message = Status.DISAGREES, judged.text
     schedule = Schedule(problem.edges, v, tuple(problem.sensors.names))
     singular = _singular_fraction(sweep, relaxed.weights if relaxed is not None else v, v)
     observation = float(np.vdot(r.cost, v))
     error = float(np.vdot(r.terminal, path.covariance[-1]))
     continuous = judged.certificate
+    if not judged.agrees:
+        status, message = Status.DISAGREES, judged.text
+    elif not _adds_up(certificate.cost, observation, error, r.running.shape[0] > 0):
+        status, message = Status.DISAGREES, _SPOILT
+    coarse = "" if status is Status.DISAGREES else _coarse(certificate, continuous)
     result: dict[str, Any] = {
         "name": problem.name,
         **certificate.as_dict(),
@@ -94,7 +97,7 @@ def assemble(
         family="athans",
         method=name,
         status=status,
-        message=message or _message(status, certificate, singular, schedule),
+        message=(message or _message(status, certificate, singular, schedule)) + coarse,
         iterations=found.iterations,
         seconds=time.perf_counter() - started,
         result=result,
@@ -119,6 +122,27 @@ def _singular_fraction(sweep: Sweep, relaxed: np.ndarray, weights: np.ndarray) -
 def _raw_cost(problem: SchedulingProblem, v: np.ndarray) -> float:
     rates = np.column_stack([s.cost.sample(problem.midpoints)[:, 0, 0] for s in problem.sensors])
     return float(np.sum(rates * problem.steps[:, None] * v))
+
+
+_SPOILT = (
+    "rounding has spoilt the recursion, its cost is not the sum of its parts: the covariance grows too far between "
+    "measurements, use shorter intervals"
+)
+COARSE = 0.1
+
+
+def _adds_up(cost: float, observation: float, error: float, running: bool) -> bool:
+    """Whether the cost of the sweep is that of the path, up to a running cost, which is not negative."""
+    rest = cost - observation - error
+    slack = 1e-2 * (abs(cost) + abs(observation) + abs(error))
+    return rest >= -slack and (running or rest <= slack)
+
+
+def _coarse(certificate: Certificate, continuous: Certificate) -> str:
+    """A remark where the grid says little about continuous time."""
+    if abs(certificate.cost - continuous.cost) <= COARSE * abs(continuous.cost):
+        return ""
+    return f" The grid is coarse: in continuous time this schedule costs {continuous.cost:.6g}; use more intervals."
 
 
 def _message(status: Status, certificate: Certificate, singular: float, schedule: Schedule) -> str:

@@ -22,6 +22,7 @@ from occontrol.numerics.sweep import Sweep
 from occontrol.solvers.reintegration import ContinuousCheck, reintegrate
 
 SAFETY = 5.0
+FEW = 512  # intervals
 RELATIVE = 1e-6
 
 
@@ -37,15 +38,16 @@ def policy_certificate(sweep: Sweep, weights: np.ndarray, known_bound: float = -
     r = sweep.recursion
     J, g = sweep.cost_and_gradient(weights)
     own = J - float(np.sum(excess(weights, g, r.upper, r.select)))
-    # a bound may exceed the cost by rounding only
-    return Certificate(J, min(max(own, known_bound), J))
+    # no cost is negative (q, R and W are not); a bound may exceed the cost by rounding only
+    return Certificate(J, min(max(own, known_bound, 0.0), J))
 
 
 def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: float) -> float:
     """Estimated |J(h) - J(0)| of a policy (N, M): the change when every interval is halved, once and once more.
 
-    The scheme is of second order, so the changes are multiplied by 4/3 and 16/15; on a grid too coarse for that order
-    one halving alone may change little by chance, hence the larger of the two.
+    The scheme is of second order, so the change after p halvings is multiplied by 4^p/(4^p - 1). On a grid too coarse
+    for that order a halving may change little by chance: hence the larger of the two, and hence few intervals are
+    halved on, until a halving changes less than half of what the one before it did.
 
     Parameters
     ----------
@@ -53,11 +55,12 @@ def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: 
     weights : (N, M)
     cost : J(h)
     """
-    estimate, finer = 0.0, problem
-    for pieces, factor in ((2, 4 / 3), (4, 16 / 15)):
+    estimate, finer, costs = 0.0, problem, [cost]
+    while len(costs) < 3 or (finer.intervals < FEW and abs(costs[-1] - costs[-2]) > abs(costs[-2] - costs[-3]) / 2):
         finer = replace(finer, edges=np.sort(np.concatenate([finer.edges, finer.midpoints])))
-        change = Sweep(discretise(finer)).cost(np.repeat(weights, pieces, axis=0)) - cost
-        estimate = max(estimate, factor * abs(change))
+        pieces = 2 ** len(costs)
+        costs.append(Sweep(discretise(finer)).cost(np.repeat(weights, pieces, axis=0)))
+        estimate = max(estimate, pieces**2 / (pieces**2 - 1) * abs(costs[-1] - cost))
     return estimate
 
 
@@ -106,7 +109,7 @@ def judge(problem: SchedulingProblem, weights: np.ndarray, cost: float, relaxed:
         bound = max(bound, reintegrate(problem, Schedule(problem.edges, relaxed, names)).lower_bound)
     error = discretisation_error(problem, weights, cost)
     allowed = SAFETY * error + RELATIVE * abs(cost) + check.error
-    return Judgement(check, bound, error, bool(abs(check.cost - cost) <= allowed))
+    return Judgement(check, max(bound, 0.0), error, bool(abs(check.cost - cost) <= allowed))
 
 
 @dataclass(frozen=True)
