@@ -31,6 +31,7 @@ def test_estimates_show_the_error_when_the_truth_is_known_and_the_estimate_other
         np.testing.assert_allclose(error, estimate.mean[:, i] - truth.values[:, i])
         np.testing.assert_allclose(lines(without.axes[i])[0].get_ydata(), estimate.mean[:, i])
     assert with_truth.axes[0].get_ylabel() == "error of x1" and without.axes[1].get_ylabel() == "x2"
+    assert with_truth.axes[1].get_xlabel() == "time t, in the problem's unit"
     assert any("grey: a sensor is available" in text.get_text() for text in with_truth.texts)  # windows are marked
 
 

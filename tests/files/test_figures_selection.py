@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from occontrol.calls import choose_method, solve
+from occontrol.calls import choose_method, run_filter, simulate, solve
 from occontrol.core.discrete_sensor import DiscreteSensor
 from occontrol.core.jump_plant import JumpPlant, Mode
 from occontrol.core.jump_sensor import JumpSensor
 from occontrol.core.plant import DiscretePlant
 from occontrol.families import hybrid_problem, vlambda_problem
-from occontrol.files.figures import compare_figure, figures_of, style
+from occontrol.files.figures import compare_figure, estimate_figures, figures_of, style
 
 LONG = [f"a rather long name of sensor {i:02d} of the array" for i in range(50)]
 ROWS = np.random.default_rng(3).standard_normal((50, 1, 2))
@@ -73,3 +73,18 @@ def test_of_many_sensors_those_in_use_have_a_row_and_a_colour(make) -> None:
         if axes.get_legend() is not None:
             box = axes.get_legend().get_window_extent()
             assert 0 <= box.x0 < box.x1 <= width
+
+
+@pytest.mark.parametrize("make", [selection, jumping])
+@pytest.mark.parametrize("steps", [1, 4])
+def test_a_filter_run_is_drawn_over_steps(make, steps: int) -> None:
+    problem = make(steps, ["one", "two"])
+    solution = solve(problem)
+    measurements, truth = simulate(problem, solution, 2)
+    estimate = run_filter(problem, solution, measurements)
+    for known in (None, truth):
+        for figure in estimate_figures(problem, solution, estimate, known).values():
+            named = [axes for axes in figure.axes if axes.get_xlabel()]
+            assert named and all(axes.get_xlabel() == "step k" for axes in named)
+            low, high = named[0].get_xlim()
+            assert low == 0 and high >= 1

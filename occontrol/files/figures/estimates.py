@@ -66,8 +66,18 @@ def _estimates(problem, schedule: Schedule | None, estimate: Estimate, truth: Tr
         _zoom(axes, middle, band)
         _passes(axes, problem, schedule)
         last = i == shown - 1 or (i + 1) % rows == 0
-        style.tidy_time_axis(axes, float(estimate.times[0]), float(estimate.times[-1]), label=last)
+        _time_axis(axes, problem, estimate, last)
     return figure
+
+
+def _time_axis(axes: Axes, problem, estimate: Estimate, label: bool) -> None:
+    """Time t, or the step k of a problem in discrete time."""
+    start, end = float(estimate.times[0]), float(estimate.times[-1])
+    if isinstance(getattr(problem, "steps", None), int):
+        style.step_axis(axes, max(int(end), 1), label)
+        style.dot_if_alone(axes)
+    else:
+        style.tidy_time_axis(axes, start, end, label)
 
 
 def _zoom(axes: Axes, middle: np.ndarray, band: np.ndarray) -> None:
@@ -162,6 +172,5 @@ def _consistency(problem, estimate: Estimate, truth: Trajectory | None) -> Figur
     for i, axes in enumerate(panels):
         axes.axhline(1, color=style.GREY, lw=0.8)
         axes.set_ylim(bottom=0)
-        start, end = float(estimate.times[0]), float(estimate.times[-1])
-        style.tidy_time_axis(axes, start, end, label=i == len(panels) - 1)
+        _time_axis(axes, problem, estimate, i == len(panels) - 1)
     return figure
