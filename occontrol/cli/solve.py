@@ -54,7 +54,10 @@ def solve(
         trouble: FileAccessError | None = None
         if usable:
             try:
-                content = write_with_figures(folder, problem, solution, figures)
+                # whoever interrupts wants to go on, the numbers are what must not be lost
+                content = write_with_figures(folder, problem, solution, figures and not monitor.interrupted)
+                if figures and monitor.interrupted:
+                    note("interrupted: no figures were drawn")
             except FileAccessError as error:
                 trouble = error  # the numbers are still worth printing
         if json:

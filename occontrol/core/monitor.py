@@ -43,6 +43,10 @@ class Monitor:
         """Whether to return the best so far, now."""
         return bool(self.interrupted) or self.timed_out
 
+    def silent(self) -> Monitor:
+        """A Monitor that says stop when this one does, and whose reports nobody sees."""
+        return _Silent(parent=self)
+
     def report(self, iteration: int, cost: float, lower_bound: float, **more) -> None:
         """Record one iteration and show it."""
         record = {
@@ -56,3 +60,12 @@ class Monitor:
         self.history.append(record)
         if self.show is not None:
             self.show(record)
+
+
+@dataclass
+class _Silent(Monitor):
+    parent: Monitor = field(default_factory=Monitor)
+
+    @property
+    def stop(self) -> bool:
+        return self.parent.stop

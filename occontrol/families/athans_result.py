@@ -53,7 +53,7 @@ def assemble(
     if status is Status.CERTIFIED and not found.proves and certificate.relative_gap > found.target:
         status = Status.FEASIBLE
     schedule = Schedule(problem.edges, v, tuple(problem.sensors.names))
-    singular = _singular_fraction(sweep, relaxed.weights if relaxed is not None else v, v)
+    singular = _singular_fraction(sweep, relaxed.weights if relaxed is not None else v, v, monitor)
     observation = float(np.vdot(r.cost, v))
     error = float(np.vdot(r.terminal, path.covariance[-1]))
     continuous = judged.certificate
@@ -109,12 +109,12 @@ def assemble(
     )
 
 
-def _singular_fraction(sweep: Sweep, relaxed: np.ndarray, weights: np.ndarray) -> float:
+def _singular_fraction(sweep: Sweep, relaxed: np.ndarray, weights: np.ndarray, monitor: Monitor) -> float:
     """Share of the horizon on singular arcs of the relaxed optimum."""
     r = sweep.recursion
     rounded = weights
     if weights is relaxed or not np.array_equal(weights, np.round(weights)):
-        rounded = polish(sweep, sum_up_rounding(relaxed, r.steps, r.upper, r.select), 50).weights
+        rounded = polish(sweep, sum_up_rounding(relaxed, r.steps, r.upper, r.select), 50, monitor.silent()).weights
     singular = singular_intervals(relaxed, rounded)
     return float(np.sum(r.steps[singular]) / np.sum(r.steps))
 

@@ -164,7 +164,7 @@ def polish(sweep: Sweep, start: np.ndarray, max_rounds: int = 200, monitor: Moni
 
 def _polish_by_trial(sweep: Sweep, start: np.ndarray, max_rounds: int, monitor: Monitor) -> SweepOutcome:
     r = sweep.recursion
-    done = h_minimal(sweep, start, max_iterations=max_rounds, monitor=Monitor(time_limit=monitor.time_limit))
+    done = h_minimal(sweep, start, max_iterations=max_rounds, monitor=monitor.silent())
     v, J = done.weights.copy(), done.cost
     budget = 4 * r.intervals + 200
     improved, rounds = True, done.iterations

@@ -159,3 +159,45 @@ def test_time_left_follows_the_rate_at_which_the_gap_falls() -> None:
     assert time_left(at([(float(t), 0.5) for t in range(9)], limit=10.0)) == pytest.approx(2.0, abs=0.2)
     assert time_left(at([])) is None
     assert progress_text(at([])).startswith("preparing")
+
+
+def test_after_an_interruption_no_figures_are_drawn(
+    tmp_path: Path, small_file: Path, small_solution, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    from occontrol.cli import run
+
+    def interrupted(problem, name, monitor):
+        monitor.interrupted = signal.SIGINT
+        return small_solution
+
+    monkeypatch.setattr("occontrol.cli.solve.run_method", interrupted)
+    assert run(["solve", str(small_file), "--out", str(tmp_path / "run")]) == 130
+    assert "interrupted: no figures were drawn" in capsys.readouterr().err
+    assert (tmp_path / "run" / "result.json").exists() and not (tmp_path / "run" / "figures").exists()
+
+
+def test_polishing_one_by_one_stops_when_asked(
+    small_text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import occontrol
+    from occontrol.core.monitor import Monitor
+    from occontrol.numerics.discretise import discretise
+    from occontrol.numerics.sweep import Sweep
+    from occontrol.solvers.baselines import round_robin
+    from occontrol.solvers.hminimal import polish
+
+    (tmp_path / "x.yaml").write_text(small_text.replace("output:", "running: {diag: [0.1, 0.2]}, output:"))
+    sweep = Sweep(discretise(occontrol.read_problem(tmp_path / "x.yaml")))
+    assert not sweep.has_products  # a running weight
+    start = round_robin(sweep.recursion)
+    assert polish(sweep, start).cost < sweep.cost(start)
+    calls: list[str] = []
+    for name in ("cost", "cost_and_gradient"):
+        counted = getattr(sweep, name)
+        monkeypatch.setattr(
+            sweep, name, lambda *a, _name=name, _of=counted, **k: (calls.append(_name), _of(*a, **k))[1], raising=False
+        )
+    asked = Monitor(interrupted=signal.SIGINT)
+    stopped = polish(sweep, start, monitor=asked)
+    assert stopped.end == "interrupted" and not asked.history
+    assert len(calls) <= 3, calls
