@@ -40,15 +40,30 @@ def integration_matrix(count: int = NODES) -> np.ndarray:
     return antiderivatives @ legendre_matrix(count)
 
 
+def legendre_coefficients(values: np.ndarray) -> np.ndarray:
+    """Legendre coefficients, lowest degree first, of the polynomials through values (P, count, ...), of that shape."""
+    flat = values.reshape(len(values), values.shape[1], int(np.prod(values.shape[2:])))
+    return (legendre_matrix(values.shape[1]) @ flat).reshape(values.shape)
+
+
+@lru_cache(maxsize=8)
+def legendre_powers(count: int = NODES) -> np.ndarray:
+    """(count, count) row k: the Legendre polynomial of degree k on [0, 1] in powers of t."""
+    from math import comb
+
+    rows = range(count)
+    return np.array([[(-1.0) ** (k + i) * comb(k, i) * comb(k + i, i) if i <= k else 0.0 for i in rows] for k in rows])
+
+
 def tail(values: np.ndarray) -> np.ndarray:
     """Estimated largest error between the nodes of the polynomials through values (P, count, ...), shape (P, ...).
 
     The last two Legendre coefficients, carried on by the decay over the two before them, never more than themselves.
     """
-    coefficients = np.abs(np.tensordot(legendre_matrix(values.shape[1]), values, axes=(1, 1)))
-    last = np.maximum(coefficients[-1], coefficients[-2])
-    before = np.maximum(coefficients[-3], coefficients[-4])
-    size = np.max(coefficients, axis=0)
+    coefficients = np.abs(legendre_coefficients(values))
+    last = np.maximum(coefficients[:, -1], coefficients[:, -2])
+    before = np.maximum(coefficients[:, -3], coefficients[:, -4])
+    size = np.max(coefficients, axis=1)
     decay = np.divide(last, before, out=np.ones_like(last), where=before > 1e-15 * size)
     return last * np.minimum(decay, 1.0)
 

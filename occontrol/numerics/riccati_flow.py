@@ -1,24 +1,26 @@
 """The Riccati equation as a linear fractional flow in square-root form; no step-size limit from stiff data.
 
-Sigma = Y X^-1 with d/dt [X; Y] = [[-A', L], [Xi, A]] [X; Y]. The transition Z of one step gives three matrices
+Sigma = Y X^-1 with d/dt [X; Y] = H [X; Y], H = [[-A', L], [Xi, A]]. The transition Z of one step gives three matrices
 
     G = X_x^-1 X_y,  Q = Y_x X_x^-1,  F = X_x^-T        Sigma+ = Q + F Sigma (I + G Sigma)^-1 F'
 
 G and Q are positive semidefinite; with square roots Gamma' Gamma = G, Sigma = S S' the step needs two QR factorisations
 and no inverse of Sigma, so Sigma stays positive semidefinite, may be singular, and may be as large as one likes.
-The costate travels as Psi = S' P S (see `march`), which neither overflows nor cancels.
+A costate P = V' V, P+ = V+' V+ of few rows is carried back by V = V+ K and, without cancellation, by g = S' V'
+(see `march`); between two steps [V'; Sigma V'] obeys the same linear equation as [X; Y].
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from scipy.linalg import lapack
 
-from occontrol.numerics.gauss import NODES, gauss_nodes, integration_matrix
 from occontrol.numerics.linalg import square_root, symmetrise
 
-PICARD = 24
-TAYLOR = 19
+MOST_TERMS = 60
+BLOCK_BYTES = 1e6
+STIFF = 1e3
+NEGLIGIBLE = 0.01
 
 
 def hamiltonian_matrices(A: np.ndarray, noise: np.ndarray, information: np.ndarray) -> np.ndarray:
@@ -29,28 +31,34 @@ def hamiltonian_matrices(A: np.ndarray, noise: np.ndarray, information: np.ndarr
 
 def norms(matrices: np.ndarray) -> np.ndarray:
     """An upper bound of the spectral norm of (..., m, m) matrices."""
-    size = np.abs(matrices)
-    return np.sqrt(size.sum(axis=-1).max(axis=-1) * size.sum(axis=-2).max(axis=-1))
+    size, ones = np.abs(matrices), np.ones(matrices.shape[-1])
+    return np.sqrt(np.max(size @ ones, axis=-1) * np.max(ones @ size, axis=-1))
 
 
 def balancing(largest: np.ndarray) -> np.ndarray:
     """Powers of two d (n,): in the coordinates x/d the Hamiltonian matrix has (nearly) the least Frobenius norm.
 
+    A state that adds nothing that counts to the norm keeps its unit: one that is driven but neither measured nor
+    coupled, or a chain of integrators, would otherwise be scaled without end.
+
     Parameters
     ----------
-    largest : (2n, 2n) absolute values of [[-A', L], [Xi, A]], the largest over time
+    largest : (2n, 2n) absolute values of [[-A', L], [Xi, A]], the largest over time, times the horizon
     """
     n = len(largest) // 2
     A, noise, information = (largest[n:, n:] ** 2, largest[n:, :n] ** 2, largest[:n, n:] ** 2)
-    d = np.ones(n)
-    for _ in range(60):
-        changed = False
+    d, dearest = np.ones(n), 0.0
+    for _ in range(200):
+        changed, least, dearest = False, max(1e-8 * dearest, NEGLIGIBLE), 0.0
         for i in range(n):
             off = np.arange(n) != i
             up = np.sum(A[off, i] * (d[i] / d[off]) ** 2) + np.sum(information[off, i] * (d[i] * d[off]) ** 2)
             down = np.sum(A[i, off] * (d[off] / d[i]) ** 2) + np.sum(noise[i, off] / (d[i] * d[off]) ** 2)
             measured, driven = information[i, i] * d[i] ** 4, noise[i, i] / d[i] ** 4
             here = 2 * up + 2 * down + measured + driven
+            dearest = max(dearest, here)
+            if here <= least:
+                continue
             for factor in (0.5, 2.0):
                 there = 2 * up * factor**2 + 2 * down / factor**2 + measured * factor**4 + driven / factor**4
                 if there < 0.9 * here:
@@ -62,111 +70,127 @@ def balancing(largest: np.ndarray) -> np.ndarray:
     return d
 
 
-def constant_transitions(lengths: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """Transitions from each of the points 0, nodes, 1 of a panel to the next, for constant matrices, by Taylor series.
+def term_count(sizes: np.ndarray) -> int:
+    """How many terms of the power series of the flow matter to double precision.
 
     Parameters
     ----------
-    lengths : (P,), with lengths * norms(matrices) <= 1
-    matrices : (P, 2n, 2n)
+    sizes : (D,) norms of the coefficients of H, see `flow_series`
+    """
+    terms = [1.0]
+    while len(terms) < MOST_TERMS and max(terms[-len(sizes) :]) > 1e-17:
+        terms.append(sum(s * c for s, c in zip(sizes, reversed(terms), strict=False)) / len(terms))
+    return len(terms)
+
+
+def flow_series(H: np.ndarray, start: np.ndarray, count: int) -> list[np.ndarray]:
+    """Coefficients in powers of t of the solution of dz/dt = (H_0 + H_1 t + ..) z, z(0) = start.
+
+    (k + 1) z_{k+1} = sum_j H_j z_{k-j}
+
+    Parameters
+    ----------
+    H : (P, D, m, m) polynomials on [0, 1];  start : (P, m, c);  count : see `term_count`
 
     Returns
     -------
-    (P, NODES + 1, 2n, 2n)
+    list of `count` arrays (P, m, c)
     """
-    points = np.concatenate([[0.0], gauss_nodes()[0], [1.0]])
-    steps = np.diff(points)
-    scaled = lengths[:, None, None] * matrices
-    power = np.broadcast_to(np.eye(matrices.shape[-1]), matrices.shape)
-    total = np.repeat(power[:, None], NODES + 1, axis=1).copy()
-    for k in range(1, TAYLOR + 1):
-        power = power @ scaled / k
-        total += steps[None, :, None, None] ** k * power[:, None]
-    return total
+    terms = [start]
+    for k in range(1, count):
+        following = H[:, 0] @ terms[-1]
+        for j in range(1, min(k, H.shape[1])):
+            following += H[:, j] @ terms[k - 1 - j]
+        terms.append(following / k)
+    return terms
 
 
-def varying_transitions(lengths: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """As `constant_transitions`, for matrices (P, NODES, 2n, 2n) given at the nodes.
-
-    Gauss-Legendre collocation of the linear equation, solved by Picard iteration; lengths * norms <= 1/2.
-    """
-    size = matrices.shape[-1]
-    identity = np.eye(size)
-    scaled = lengths[:, None, None, None] * matrices
-    _, weights = gauss_nodes()
-    rule = np.concatenate([integration_matrix(), weights[None]])
-    values = np.broadcast_to(identity, (len(lengths), NODES + 1, size, size))
-    for _ in range(PICARD):
-        rate = scaled @ values[:, :NODES]
-        following = identity + np.einsum("ij,pjab->piab", rule, rate, optimize=True)
-        change = np.max(np.abs(following - values)) if len(lengths) else 0.0
-        values = following
-        if change <= 2e-16:
-            break
-    n = size // 2
-    before = np.concatenate([np.broadcast_to(identity, (len(lengths), 1, size, size)), values[:, :NODES]], axis=1)
-    turned = np.swapaxes(before, -1, -2)
-    # the inverse of a symplectic matrix
-    inverse = np.block([[turned[..., n:, n:], -turned[..., n:, :n]], [-turned[..., :n, n:], turned[..., :n, :n]]])
-    return values @ inverse
+def transitions(H: np.ndarray) -> np.ndarray:
+    """(P, m, m) transitions from 0 to 1 for polynomials H (P, D, m, m)."""
+    count, m = term_count(np.max(norms(H), axis=0, initial=0.0)), H.shape[-1]
+    found = np.empty((len(H), m, m))
+    block = max(1, int(BLOCK_BYTES / (8 * m * m)))
+    for first in range(0, len(H), block):
+        part = slice(first, first + block)
+        identity = np.broadcast_to(np.eye(m), found[part].shape)
+        found[part] = sum(reversed(flow_series(H[part], identity, count)))
+    return found
 
 
-def fractional_factors(transitions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F, Gamma and B of transitions (..., 2n, 2n): Gamma' Gamma = G and B B' = Q; each (..., n, n)."""
-    n = transitions.shape[-1] // 2
-    inverse = np.linalg.inv(transitions[..., :n, :n])
-    gramian = symmetrise(inverse @ transitions[..., :n, n:])
-    driven = symmetrise(transitions[..., n:, :n] @ inverse)
-    return np.swapaxes(inverse, -1, -2), np.swapaxes(square_root(gramian), -1, -2), square_root(driven)
+def values_at(times: np.ndarray, terms: list[np.ndarray]) -> np.ndarray:
+    """The series `terms` (each (P, ...)) at `times` (T,) in [0, 1], (P, T, ...)."""
+    powers = np.vander(times, len(terms), increasing=True)
+    flat = powers @ np.reshape(terms, (len(terms), -1))
+    return np.moveaxis(flat.reshape(len(times), *terms[0].shape), 0, 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def march(S: np.ndarray, E: np.ndarray, F: np.ndarray, gamma: np.ndarray, driven: np.ndarray) -> None:
-    """Steps of the square root S of Sigma = S S', and the matrices E that carry the costate back.
+def fractional(transition: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """F, G and Q of transitions (..., 2n, 2n); each (..., n, n)."""
+    n = transition.shape[-1] // 2
+    inverse = np.linalg.inv(transition[..., :n, :n])
+    gramian = symmetrise(inverse @ transition[..., :n, n:])
+    return np.swapaxes(inverse, -1, -2), gramian, symmetrise(transition[..., n:, :n] @ inverse)
 
-    S+ S+' = Q + F Sigma (I + G Sigma)^-1 F',    S' P S = E (S+' P+ S+) E'
 
-    Both factors of E are contractions: P = K' P+ K with K = F (I + Sigma G)^-1 and K S = S+ E'.
+def march(
+    root: np.ndarray, F: np.ndarray, gamma: np.ndarray, Q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Steps of the square root S of Sigma = S S', and the matrices that carry a costate back.
+
+    S+ S+' = Q + F Sigma (I + G Sigma)^-1 F',    P = K' P+ K,    S' P S = E (S+' P+ S+) E'
+
+    K = F (I + Sigma G)^-1 is the closed loop and K S = S+ E'; E is a product of two contractions.
 
     Parameters
     ----------
-    S : (K+1, n, n) S[0] is given, the others are filled in
-    E : (K, n, n) filled in
-    F, gamma, driven : (K, n, n) of the steps, see `fractional_factors`
+    root : (n, n) S at the start;  F, gamma, Q : (k, n, n) of the steps, see `fractional`, with Gamma' Gamma = G
+
+    Returns
+    -------
+    S (k+1, n, n), E (k, n, n), K (k, n, n)
     """
-    K, n = E.shape[0], E.shape[1]
-    tall, stacked = np.empty((2 * n, n)), np.empty((2 * n, n))
-    for k in range(K):
-        tall[:n] = np.eye(n)
+    count, n = F.shape[:2]
+    driven = np.swapaxes(square_root(Q), -1, -2)
+    S, E, reduced = np.empty((count + 1, n, n)), np.empty_like(F), np.empty_like(F)
+    S[0] = root
+    tall, stacked = np.zeros((2 * n, n), order="F"), np.empty((2 * n, n), order="F")
+    identity = np.eye(n)
+    for k in range(count):
+        tall[:n] = identity
         tall[n:] = gamma[k] @ S[k]
-        _, upper = np.linalg.qr(tall)
-        reduced = np.ascontiguousarray(S[k].T)
-        # upper' reduced = S', by forward substitution
-        for i in range(n):
-            for m in range(i):
-                x = upper[m, i]
-                for c in range(n):
-                    reduced[i, c] -= x * reduced[m, c]
-            x = 1.0 / upper[i, i]
-            for c in range(n):
-                reduced[i, c] *= x
-        stacked[:n] = reduced @ F[k].T
-        stacked[n:] = driven[k].T
-        orthogonal, following = np.linalg.qr(stacked)
-        S[k + 1] = following.T
-        E[k] = orthogonal[:n]
-        # upper E = orthogonal, by back substitution
-        for i in range(n - 1, -1, -1):
-            for m in range(i + 1, n):
-                x = upper[i, m]
-                for c in range(n):
-                    E[k, i, c] -= x * E[k, m, c]
-            x = 1.0 / upper[i, i]
-            for c in range(n):
-                E[k, i, c] *= x
+        upper = lapack.dgeqrf(tall, lwork=32 * n)[0][:n]
+        reduced[k] = lapack.dtrtrs(upper, S[k].T, trans=1)[0]
+        stacked[:n] = reduced[k] @ F[k].T
+        stacked[n:] = driven[k]
+        following, tau, _, _ = lapack.dgeqrf(stacked, lwork=32 * n)
+        S[k + 1] = np.tril(following[:n].T)
+        orthogonal = lapack.dorgqr(following, tau, lwork=32 * n)[0]
+        E[k] = lapack.dtrtrs(upper, orthogonal[:n])[0]
+    return S, E, closed_loop(reduced, F, np.swapaxes(gamma, -1, -2) @ gamma)
 
 
-def closed_loop_transition(covariance: np.ndarray, F: np.ndarray, gamma: np.ndarray) -> np.ndarray:
-    """K = F (I + Sigma G)^-1 of steps (..., n, n); well conditioned only where a step is not stiff."""
-    loop = np.eye(F.shape[-1]) + covariance @ np.swapaxes(gamma, -1, -2) @ gamma
-    return np.swapaxes(np.linalg.solve(np.swapaxes(loop, -1, -2), np.swapaxes(F, -1, -2)), -1, -2)
+def reduced_roots(S: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """X with X' X = Sigma (I + G Sigma)^-1 for Sigma = S S'; all (..., n, n)."""
+    turned = np.swapaxes(S, -1, -2)
+    inner = turned @ G @ S
+    identity = np.eye(S.shape[-1])
+    # where Sigma G is large its square root is factorised instead, as `march` does: I + inner has lost the identity
+    stiff = np.trace(inner, axis1=-2, axis2=-1) > STIFF
+    inner[stiff] = 0.0
+    lower = np.linalg.cholesky(identity + symmetrise(inner))
+    if np.any(stiff):
+        gamma = np.swapaxes(square_root(G[stiff]), -1, -2)
+        tall = np.concatenate([np.broadcast_to(identity, gamma.shape), gamma @ np.broadcast_to(S, G.shape)[stiff]], -2)
+        lower[stiff] = np.swapaxes(np.linalg.qr(tall, mode="r"), -1, -2)
+    return np.linalg.solve(lower, turned)
+
+
+def covariance_after(reduced: np.ndarray, F: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """Sigma+ of steps from `reduced_roots`; (..., n, n)."""
+    half = reduced @ np.swapaxes(F, -1, -2)
+    return Q + np.swapaxes(half, -1, -2) @ half
+
+
+def closed_loop(reduced: np.ndarray, F: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """K = F (I + Sigma G)^-1 of steps from `reduced_roots`; (..., n, n)."""
+    return F - np.swapaxes(reduced @ np.swapaxes(F, -1, -2), -1, -2) @ (reduced @ G)
