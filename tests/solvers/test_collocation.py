@@ -275,14 +275,14 @@ def test_simulation_from_kink_to_kink(prior):
 
 
 @pytest.mark.slow
-def test_first_passes_of_the_tracking_network_agree_with_the_relaxation():
+def test_two_orbits_of_the_tracking_network_agree_with_the_relaxation():
     """Tables of hundreds of breakpoints, six states, nine sensors: few elements, few iterations, the same optimum."""
     whole = read_problem(Path(__file__).parents[2] / "problems" / "tracking_network.yaml")
-    last = int(np.searchsorted(whole.edges, 2589.0))
-    problem = dataclasses.replace(whole, edges=whole.edges[: last + 1], predict_at=5576.0)
-    found = solve_collocation(problem)
+    last = int(np.searchsorted(whole.edges, 10956.0))
+    problem = dataclasses.replace(whole, edges=whole.edges[: last + 1], predict_at=16500.0)
+    found = solve_collocation(problem, Collocation(relative_gap=3e-4, max_iterations=40))
     assert found.status is Status.FEASIBLE, found.message
-    assert found.iterations <= 100 and found.elements <= 2 * problem.intervals
+    assert found.elements <= 2 * problem.intervals
     sweep = Sweep(discretise(problem, half_predicts(problem)))
     relaxed = minimise_relaxed(sweep, None, RelaxedOptions(1e-6, 5000), Monitor()).weights
     again = check(problem, found)
