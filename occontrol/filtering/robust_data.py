@@ -55,7 +55,7 @@ def simulate_admissible(
         values, x, spent = _draw(flow, plant, grid, np.repeat(np.asarray(sequence), samples), seed, factor)
         if np.all(spent <= plant.level):
             found = [
-                Measurement(float(t), names[j], y)
+                Measurement(float(t), names[int(j)], y)
                 for t, y, j in zip(grid[1:], values, np.repeat(sequence, samples), strict=True)
                 if len(y)
             ]
@@ -141,7 +141,7 @@ def filter_samples(
     states = initial_states(float(grid[0]), plant.center, plant.weight, plant.level)
     path, missing, empty = [states], 0, None
     for k, j in enumerate(used):
-        y = arrived[k].get(names[j])
+        y = arrived[k].get(names[int(j)])
         if y is not None and np.any(np.isnan(y)):
             y = None
         missing += y is None and rows[j] > 0

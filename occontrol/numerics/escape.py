@@ -68,9 +68,10 @@ def horizon(flow: Flow, weight: np.ndarray, start: float = 0.0, limit: float = n
     start, limit : times
     """
     if flow.constant:
-        flow, weight = _observable(flow, weight)
-        if flow is None:
+        part = _observable(flow, weight)
+        if part is None:
             return None
+        flow, weight = part
         limit = min(limit, start + 1e12 / flow.rate)
     t, P = start, np.linalg.inv(weight)
     h = 0.5 / flow.rate if flow.constant else (limit - start) / 64
@@ -101,7 +102,7 @@ def horizon(flow: Flow, weight: np.ndarray, start: float = 0.0, limit: float = n
     return None
 
 
-def _observable(flow: Flow, weight: np.ndarray) -> tuple[Flow | None, np.ndarray]:
+def _observable(flow: Flow, weight: np.ndarray) -> tuple[Flow, np.ndarray] | None:
     """The part of a constant plant that K sees: X lives there, and X0 is replaced by its Schur complement."""
     A, B, K = flow.A.at(0.0), flow.B.at(0.0), flow.gain * flow.K.at(0.0)
     scale = max(np.linalg.norm(A, 2), 1e-300)
@@ -112,11 +113,11 @@ def _observable(flow: Flow, weight: np.ndarray) -> tuple[Flow | None, np.ndarray
     _, values, vectors = np.linalg.svd(np.concatenate(rows))
     rank = int(np.sum(values > 1e-13 * max(values[0], 1e-300))) if values[0] > 0 else 0
     if rank == 0:
-        return None, weight
+        return None
     seen = vectors[:rank]
     shape = seen @ np.linalg.solve(weight, seen.T)
-    parts = (ConstantSignal(m) for m in (seen @ A @ seen.T, seen @ B, K @ seen.T))
-    return Flow(*parts), np.linalg.inv((shape + shape.T) / 2)
+    A, B, K = seen @ A @ seen.T, seen @ B, K @ seen.T
+    return Flow(ConstantSignal(A), ConstantSignal(B), ConstantSignal(K)), np.linalg.inv((shape + shape.T) / 2)
 
 
 def escape_time(flow: Flow, weight: np.ndarray, edges: np.ndarray, sequence: Sequence[int | None]) -> float | None:
@@ -167,7 +168,8 @@ def _bracket(flow: Flow, P: np.ndarray, t: float, end: float, sensor: int | None
     times = np.linspace(t, end, 65)
     for left, right in itertools.pairwise(times):
         if left_over(right) <= 0:
-            return float(brentq(left_over, left, right, xtol=1e-15 * max(abs(end), 1e-300), rtol=8.9e-16))
+            xtol = 1e-15 * max(abs(end), 1e-300)
+            return float(brentq(left_over, left, right, xtol=xtol, rtol=8.9e-16))  # type: ignore[arg-type]
     return None
 
 

@@ -93,6 +93,6 @@ def solve_lower(lower: np.ndarray, right: np.ndarray) -> np.ndarray:
 
     By BLAS itself: LAPACK's driver wakes all threads for six rows, a thousand times the work on a busy machine.
     """
-    from scipy.linalg.blas import dtrsm
+    from scipy.linalg.blas import dtrsm  # type: ignore[attr-defined]
 
     return dtrsm(1.0, lower.T, right, lower=0, trans_a=1) if right.size else np.zeros(right.shape)

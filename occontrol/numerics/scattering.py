@@ -114,7 +114,7 @@ class Flow:
         P is D P D in them. A strong sensor makes the flow fast only by the root of its strength, or less, in the right
         units; in the user's units a step would have to be a million times shorter.
         """
-        used, which = np.unique(np.abs(weights.real), axis=0, return_inverse=True)
+        used, which = np.unique(np.abs(np.real(weights)), axis=0, return_inverse=True)
         if len(used) > MOST_SCALES:
             used, which = np.max(used, axis=0, keepdims=True), np.zeros(len(weights), dtype=int)
         some = slice(None, None, max(1, len(starts) // 100))
@@ -134,7 +134,8 @@ class Flow:
         S = KK - np.einsum("tm,tmij->tij", weights, np.broadcast_to(L, (len(times), *L.shape[1:])))
         both = scale[:, :, None] * scale[:, None, :]
         A, W, S, KK = A * (scale[:, None, :] / scale[:, :, None]), W / both, S * both, KK * both
-        return _block(A, W, S), sum(np.sum(np.abs(m), axis=(1, 2)) for m in (A, W, S, KK))
+        size = np.sum(np.abs(A) + np.abs(W) + np.abs(S) + np.abs(KK), axis=(1, 2))
+        return _block(A, W, S), size
 
     def elements(self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray | None = None) -> Element:
         """Elements of many spans: starts, ends (T,); weights (T, M), zero if left out (no sensor)."""
@@ -188,7 +189,8 @@ class Flow:
         floor = 1e-11 * np.maximum(np.max(np.abs(ends - starts), initial=0.0), 1e-300)
         while len(a):
             middle = (a + b) / 2
-            how = weights[owner], scale[owner]
+            of: np.ndarray = np.asarray(owner, dtype=int)
+            how = weights[of], scale[of]
             whole = self._magnus(a, b, *how)
             left, right = self._magnus(a, middle, *how), self._magnus(middle, b, *how)
             halves = right @ left

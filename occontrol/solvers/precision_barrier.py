@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.blas import dtrsm
+from scipy.linalg.blas import dtrsm  # type: ignore[attr-defined]
 
 from occontrol.core.monitor import Monitor
 from occontrol.numerics.linalg import solve_lower

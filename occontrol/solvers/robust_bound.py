@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -71,15 +72,15 @@ def walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int = 0, p
 
 def _walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int, terminal: Callable) -> Walk:
     elements = mixed_elements(slots, weights, first)
-    real = tuple(np.ascontiguousarray(part[:, 0].real) for part in elements)
+    real = tuple(np.ascontiguousarray(np.real(part[:, 0])) for part in elements)
     count = slots.count - first
     N = np.empty((count + 1, *start.shape))
     N[0] = start
     slope = np.empty((count, slots.sensors, *start.shape))
     for k in range(count):
         after = advance(N[k], tuple(part[k] for part in elements))  # type: ignore[arg-type]
-        slope[k] = after.imag / STEP
-        N[k + 1] = after[0].real
+        slope[k] = np.imag(after) / STEP
+        N[k + 1] = np.real(after[0])
     value, costate_end = terminal(N[-1])
     costate = np.empty_like(N)
     costate[-1] = costate_end
@@ -221,7 +222,7 @@ def relaxed_policy(slots: Slots, gap: float = 1e-5, monitor: Monitor | None = No
         recursion = replace(recursion, terminal=(terminal + terminal.T) / 2)
     best = _better(slots, v, np.inf, None)
     for power in (16.0, 128.0) if slots.size.has_kink else (np.inf,):
-        sweep = ExactSweep(slots, slots.start, power=power)
+        sweep: Any = ExactSweep(slots, slots.start, power=power)
         v = minimise_relaxed(sweep, v, RelaxedOptions(gap, slots.spans.affordable(120)), watch).weights
         best = _better(slots, v, power, best)
     return best

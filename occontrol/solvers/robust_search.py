@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -254,7 +255,7 @@ def _refine(slots: Slots, layer: _Layer, weights: np.ndarray, edge: int, monitor
     from occontrol.solvers.relaxed import RelaxedOptions, minimise_relaxed
 
     start = layer.ordinary[int(np.argmin(layer.bound))]
-    sweep = ExactSweep(slots, start, edge)
+    sweep: Any = ExactSweep(slots, start, edge)
     watch = Monitor(time_limit=monitor.time_limit, started=monitor.started)
     outcome = minimise_relaxed(sweep, weights[edge:], RelaxedOptions(1e-4, slots.spans.affordable(20)), watch)
     policy = np.concatenate([np.zeros((edge, slots.sensors)), outcome.weights])

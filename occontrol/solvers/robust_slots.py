@@ -84,7 +84,7 @@ class Slots:
             N = advance(N, self.of(slot, sequences[:, slot]))
         return self.size.value(N, self.level)
 
-    def cost(self, sequence: Sequence[int]) -> float:
+    def cost(self, sequence: Sequence[int] | np.ndarray) -> float:
         """The size at the end of one sequence."""
         return float(self.costs(np.asarray(sequence, dtype=int).reshape(1, -1))[0])
 
@@ -108,17 +108,17 @@ def slot_table(
     starts, ends = np.repeat(edges[:-1], M), np.repeat(edges[1:], M)
     game = flow.elements(starts, ends, np.tile(np.eye(M), (N, 1)))
     ordinary = ordinary_elements(game, np.repeat(free[:-1], M, axis=0), np.repeat(free[1:], M, axis=0))
-    element = tuple(np.ascontiguousarray(part.reshape(N, M, flow.n, flow.n)) for part in ordinary)
+    F, Q, R = (np.ascontiguousarray(part.reshape(N, M, flow.n, flow.n)) for part in ordinary)
     Y = center_weight(free[0], np.linalg.inv(weight))
     return Slots(
         flow,
         np.asarray(edges, dtype=float),
         free,
         ordinary_start(weight, free[0]),
-        element,
+        (F, Q, R),
         size,
         float(level + center @ Y @ center),
-    )  # type: ignore[arg-type]
+    )
 
 
 def one_step(slots: Slots, weight: np.ndarray, center: np.ndarray, level: float) -> list[int]:

@@ -9,6 +9,7 @@ Unknowns: one sensor per slot of the tail, shares (N, M) before it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def _child(slots: Slots, parent: Tail, sensor: int, depth: int, monitor: Monitor
         upper[k] = np.eye(slots.sensors)[choice]
     weights = parent.weights.copy()
     weights[slot] = upper[slot]
-    sweep = ExactSweep(slots, slots.start, upper=upper)
+    sweep: Any = ExactSweep(slots, slots.start, upper=upper)
     watch = Monitor(time_limit=monitor.time_limit, started=monitor.started)
     weights = minimise_relaxed(sweep, weights, RelaxedOptions(1e-4, slots.spans.affordable(STEPS)), watch).weights
     power = sweep.power if slots.size.has_kink else np.inf
