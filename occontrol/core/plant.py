@@ -63,7 +63,8 @@ class LinearPlant:
         wrong = check_shape("covariance", self.covariance.shape, n, n, ("covariance",), hint)
         mistakes += wrong or check_covariance("covariance", self.covariance, ("covariance",))
         if len(mean) != n:
-            mistakes.append(Mistake(("mean",), f"mean has {len(mean)} entr{'y' if len(mean) == 1 else 'ies'}, {hint}", "one entry per state"))
+            entries = f"{len(mean)} entr{'y' if len(mean) == 1 else 'ies'}"
+            mistakes.append(Mistake(("mean",), f"mean has {entries}, {hint}", "one entry per state"))
         elif not np.all(np.isfinite(mean)):
             mistakes.append(Mistake(("mean",), "mean is not finite"))
         if self.B is not None:
@@ -138,7 +139,8 @@ class DiscretePlant:
         wrong = check_shape("covariance", self.covariance.shape, n, n, ("covariance",), hint)
         mistakes += wrong or check_covariance("covariance", self.covariance, ("covariance",))
         if len(mean) != n:
-            mistakes.append(Mistake(("mean",), f"mean has {len(mean)} entr{'y' if len(mean) == 1 else 'ies'}, {hint}", "one entry per state"))
+            entries = f"{len(mean)} entr{'y' if len(mean) == 1 else 'ies'}"
+            mistakes.append(Mistake(("mean",), f"mean has {entries}, {hint}", "one entry per state"))
         elif not np.all(np.isfinite(mean)):
             mistakes.append(Mistake(("mean",), "mean is not finite"))
         if mistakes:
