@@ -163,7 +163,9 @@ def _write(folder: Path, problem: Any, solutions: dict[str, Solution], rows: lis
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "compare.json").write_text(to_json(rows), encoding="utf-8")
-        figure = compare_figure(problem, solutions)
+        # where no method has anything usable there is nothing to draw
+        usable = any(s.status.exit_code in (0, 5) for s in solutions.values())
+        figure = compare_figure(problem, solutions) if usable else None
         if figure is not None:
             save(figure, folder / "compare.png")
     except OSError as error:

@@ -42,6 +42,7 @@ def test_every_command_says_exit_4_where_no_schedule_exists(run, words):
     assert "0.73901883" in err
     assert "shares slots" not in err
     assert not Path("m.csv").exists()
+    assert not list(Path().rglob("*.png"))
 
 
 @pytest.mark.parametrize(("end", "escapes"), [(2.0, False), (4.0, True)])
