@@ -15,6 +15,7 @@ import numpy as np
 
 from occontrol.core.schedule import Schedule
 from occontrol.core.scheduling import SchedulingProblem
+from occontrol.core.signal import TableSignal
 from occontrol.core.solution import Certificate
 from occontrol.numerics.discretise import discretise
 from occontrol.numerics.polytope import excess
@@ -47,7 +48,8 @@ def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: 
 
     The scheme is of second order, so the change after p halvings is multiplied by 4^p/(4^p - 1). On a grid too coarse
     for that order a halving may change little by chance: hence the larger of the two, and hence few intervals are
-    halved on, until a halving changes less than half of what the one before it did.
+    halved on, until a halving changes less than half of what the one before it did. Where a table jumps within an
+    interval the scheme is of first order only and a halving may miss it: such times become edges at the first one.
 
     Parameters
     ----------
@@ -56,12 +58,25 @@ def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: 
     cost : J(h)
     """
     estimate, finer, costs = 0.0, problem, [cost]
+    extra = _jumps(problem)
     while len(costs) < 3 or (finer.intervals < FEW and abs(costs[-1] - costs[-2]) > abs(costs[-2] - costs[-3]) / 2):
-        finer = replace(finer, edges=np.sort(np.concatenate([finer.edges, finer.midpoints])))
-        pieces = 2 ** len(costs)
-        costs.append(Sweep(discretise(finer)).cost(np.repeat(weights, pieces, axis=0)))
-        estimate = max(estimate, pieces**2 / (pieces**2 - 1) * abs(costs[-1] - cost))
+        finer = replace(finer, edges=np.unique(np.concatenate([finer.edges, finer.midpoints, extra])))
+        owner = np.searchsorted(problem.edges, finer.midpoints) - 1
+        extra = extra[:0]
+        factor = 4 ** len(costs)
+        costs.append(Sweep(discretise(finer)).cost(np.ascontiguousarray(weights[owner])))
+        estimate = max(estimate, factor / (factor - 1) * abs(costs[-1] - cost))
     return estimate
+
+
+def _jumps(problem: SchedulingProblem) -> np.ndarray:
+    """The times well inside an interval at which a table of the problem jumps."""
+    tables = [s for s in problem.signals.values() if isinstance(s, TableSignal) and s.interpolation == "previous"]
+    times = np.unique(np.concatenate([np.empty(0), *(table.breakpoints for table in tables)]))
+    times = times[(times > problem.edges[0]) & (times < problem.edges[-1])]
+    after = np.searchsorted(problem.edges, times)
+    near = np.minimum(problem.edges[after] - times, times - problem.edges[after - 1])
+    return times[near > 1e-9 * problem.steps[after - 1]]
 
 
 @dataclass(frozen=True)

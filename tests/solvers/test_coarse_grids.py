@@ -63,3 +63,18 @@ def test_a_cost_is_the_sum_of_its_parts() -> None:
 def test_the_remark_on_a_coarse_grid() -> None:
     assert _coarse(Certificate(1.05, 1.0), Certificate(1.0, 0.9)) == ""
     assert "costs 1; use more intervals" in _coarse(Certificate(1.2, 1.0), Certificate(1.0, 0.9))
+
+
+def test_a_table_that_jumps_within_an_interval_is_no_disagreement() -> None:
+    # midpoints of the halved intervals may lie on the same side of the jump as before, and see nothing of it
+    from dataclasses import replace
+
+    from occontrol.core.signal import TableSignal
+
+    for place in (0.05, 0.1, 0.15, 0.2, 0.45, 0.8, 0.95):
+        values = np.array([0.1, 3.0, 3.0])[:, None, None] * np.eye(2)
+        running = TableSignal(np.array([0.0, 10.0 + 0.1 * place, 20.0]), values, "previous")
+        solution = occontrol.solve(replace(problem(200), running=running))
+        assert solution.status is not Status.DISAGREES, place
+        continuous = solution.result["continuous"]["cost"]
+        assert abs(continuous - solution.cost) <= 2 * solution.result["discretisation_error"]
