@@ -61,18 +61,18 @@ def shares(intervals: int, sensors: int) -> np.ndarray:
 def flops(n: int, rows: int, active: int, p: int, small: bool) -> float:
     """Additions and multiplications of one interval of one forward and backward sweep, as executed (without padding).
 
-    F S: 2n^3; (F S) F': 2n for every entry computed (tiles or panels up to the diagonal); update: 4n^2 per active row
-    (loops), or 4mn^2 + 2m^2 n for m active rows at once (BLAS); V S+, V F: 2pn^2 each; C (V S+)': 2prn; their squares:
-    2pr; V K: 2pn per active row.
+    F S: 2n^3; F (F S)': 2n for every entry computed (tiles or panels down to or from the diagonal); update: 4n^2 per
+    active row (loops), or 4mn^2 + 2m^2 n for m active rows at once (BLAS); V S+, V F: 2pn^2 each; C (V S+)': 2prn;
+    their squares: 2pr; V K: 2pn per active row (twice for BLAS).
     """
     if small:
         ends = [min(i - i % 4 + 4, n) if i - i % 4 + 4 <= n else min(i + 2 - (i - n % 4) % 2, n) for i in range(n)]
         second = sum(2 * n * min(n, -(-end // WIDTH) * WIDTH) for end in ends)
         update = 4 * n * n * active
     else:
-        tall = -(-n // max(1, (n + kernels_blas.PANEL // 2) // kernels_blas.PANEL))
-        second = sum(2 * n * (min(i + tall, n) - i) * min(i + tall, n) for i in range(0, n, tall))
-        update = 4 * active * n * n + 2 * active**2 * n
+        wide = kernels_blas.panel_width(n)
+        second = sum(2 * n * min(wide, n - j) * (n - j) for j in range(0, n, wide))
+        update = 4 * active * n * n + 2 * active**2 * n + 2 * p * n * active
     return 2 * n**3 + second + update + 4 * p * n * n + 2 * p * rows * n + 2 * p * rows + 2 * p * n * active
 
 

@@ -15,7 +15,20 @@ from __future__ import annotations
 
 from numba import njit
 
-from occontrol.numerics.vectors import OPTIONS, WIDTH, axpy, copy, load, product, scalar, store, summed, times, zero
+from occontrol.numerics.vectors import (
+    OPTIONS,
+    WIDTH,
+    axpy,
+    copy,
+    load,
+    mirror,
+    product,
+    scalar,
+    store,
+    summed,
+    times,
+    zero,
+)  # fmt: skip
 
 CANCEL = 100.0
 
@@ -35,9 +48,13 @@ def _update_row(X, at, c, row, w, b, n, width):
     """One scalar measurement with row c[row:] and information w, in place on the matrix at X[at:]; b is work space."""
     dot = zero()
     for j in range(0, width, WIDTH):
-        total = zero()
-        for m in range(n):
+        total, other = zero(), zero()  # two chains: the loop waits for their latency
+        for m in range(0, n - 1, 2):
             total = axpy(scalar(c, row + m), load(X, at + m * width + j), total)
+            other = axpy(scalar(c, row + m + 1), load(X, at + (m + 1) * width + j), other)
+        if n % 2:
+            total = axpy(scalar(c, row + n - 1), load(X, at + (n - 1) * width + j), total)
+        total = axpy(1.0, other, total)
         store(b, j, total)
         dot = times(load(c, row + j), total, dot)
     innovation = w * summed(dot)
@@ -57,18 +74,16 @@ def _update_row(X, at, c, row, w, b, n, width):
             x += X[p + j] * c[row + j]
         for j in range(n):
             X[p + j] += gain * b[j] * (gain * b[i] / w - x)
-    _mirror(X, at, n, width, True)
+    _symmetrise(X, at, n, width)
 
 
 @njit(**OPTIONS)
-def _mirror(X, at, n, width, mean):
-    """Make the matrix at X[at:] symmetric, from its lower triangle or by the mean of both."""
+def _symmetrise(X, at, n, width):
+    """The matrix at X[at:] <- the mean of it and its transpose."""
     for i in range(n):
         for j in range(i):
             low, high = at + i * width + j, at + j * width + i
-            if mean:
-                X[low] = 0.5 * (X[low] + X[high])
-            X[high] = X[low]
+            X[low] = X[high] = 0.5 * (X[low] + X[high])
 
 
 @njit(**OPTIONS)
@@ -95,7 +110,7 @@ def forward_small(k0, k1, S, T, F, FT, Q, predict, rows, row_set, offsets, steps
         if keep:
             at = (k - k0) * size
         product(t, 0, width, ft, u, width, X, at, width, q, u, n, n, width, True)
-        _mirror(X, at, n, width, False)
+        mirror(X, at, n, width)
         h = steps[k]
         if running:
             total += 0.5 * h * trace_product(R[running_set[k]], X[at : at + size].reshape(n, width), n)
@@ -225,4 +240,4 @@ def backward_small_dense(
         u = predict[k] * n * width
         product(FT.reshape(-1), u, width, x, 0, width, t, 0, width, none, 0, n, n, width, False)
         product(t, 0, width, F.reshape(-1), u, width, x, 0, width, none, 0, n, n, width, True)
-        _mirror(x, 0, n, width, False)
+        mirror(x, 0, n, width)

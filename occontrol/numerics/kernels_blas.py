@@ -1,6 +1,6 @@
 """The sweeps of numerics/kernels.py for many states: products by BLAS, active rows in blocks; nothing padded.
 
-F S F' + Q is symmetric: its second product is done for panels of about PANEL rows, each only as far as the diagonal.
+F S F' + Q is symmetric: it is formed by panels of columns, (S F')_j and then F (S F')_j from the diagonal down.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from occontrol.numerics.kernels import CANCEL, trace_product
 from occontrol.numerics.vectors import OPTIONS
 
 BLOCK = 32
-PANEL = 48
 TILE = 8
+SMALL_PRODUCT = 730_000
+WIDE = 128
+WAITING = 96  # rows of V S+ that wait for their product with all sensor rows
 
 
 @njit(**OPTIONS)
@@ -51,7 +53,7 @@ def _cholesky_solve(A, B, count, n):
 
 @njit(**OPTIONS)
 def _subtract(S, D, count, n):
-    """S <- S - D'D for the first `count` rows of D, four at a time; exactly symmetric."""
+    """S <- S - D'D for the first `count` rows of D, four or two at a time."""
     r = 0
     while r < count:
         d0 = D[r]
@@ -62,6 +64,13 @@ def _subtract(S, D, count, n):
                 for j in range(n):
                     S[i, j] -= x0 * d0[j] + x1 * d1[j] + x2 * d2[j] + x3 * d3[j]
             r += 4
+        elif r + 2 <= count:
+            d1 = D[r + 1]
+            for i in range(n):
+                x0, x1 = d0[i], d1[i]
+                for j in range(n):
+                    S[i, j] -= x0 * d0[j] + x1 * d1[j]
+            r += 2
         else:
             for i in range(n):
                 x0 = d0[i]
@@ -111,42 +120,90 @@ def _update_block(S, C, B, D, T, count, n):
     _symmetrise(S, n)
 
 
+def panel_width(n: int) -> int:
+    """Columns of a panel of the predict: the widest of 32, 16, 8 whose products BLAS takes as small ones.
+
+    OpenBLAS multiplies without copying its arguments first up to m n k = 10^6, if neither is transposed; wide panels
+    beyond. scripts/bench.py shows the rate.
+
+    Parameters
+    ----------
+    n : states
+    """
+    return next((w for w in (32, 16, 8) if n * n * w <= SMALL_PRODUCT), WIDE)
+
+
 @njit(**OPTIONS)
-def _predict(X, f, q, T, S, panel, n):
-    """S <- F X F' + Q, S symmetric; T (n, n) and panel (2 PANEL n,) are work space. S may be X."""
-    np.dot(f, X, T)
-    tall = -(-n // max(1, (n + PANEL // 2) // PANEL))
-    for i0 in range(0, n, tall):
-        i1 = min(i0 + tall, n)
-        part = panel[: (i1 - i0) * i1].reshape(i1 - i0, i1)
-        np.dot(T[i0:i1], f[:i1].T, part)
-        for i in range(i0, i1):
+def _pack(f, width, packed):
+    """packed (n n,) <- f', one panel of columns after the other, each contiguous."""
+    n = f.shape[0]
+    at = 0
+    for j0 in range(0, n, width):
+        j1 = min(j0 + width, n)
+        for i in range(n):
+            for j in range(j0, j1):
+                packed[at] = f[j, i]
+                at += 1
+
+
+@njit(**OPTIONS)
+def _predict(X, f, packed, q, width, left, part, S):
+    """S <- F X F' + Q panel by panel of columns, each from the diagonal down; X symmetric, S another matrix.
+
+    packed : f' by `_pack`; left, part (n width,) work space
+    """
+    n = X.shape[0]
+    at = 0
+    for j0 in range(0, n, width):
+        d = min(width, n - j0)
+        t = left[: n * d].reshape(n, d)
+        np.dot(X, packed[at : at + n * d].reshape(n, d), t)
+        at += n * d
+        out = part[: (n - j0) * d].reshape(n - j0, d)
+        np.dot(f[j0:], t, out)
+        for i in range(d):
             for j in range(i + 1):
-                S[i, j] = part[i - i0, j] + q[i, j]
-    # the upper triangle, by tiles that stay in the first cache
-    for i0 in range(0, n, TILE):
-        for j0 in range(0, i0 + 1, TILE):
-            for i in range(i0, min(i0 + TILE, n)):
-                for j in range(j0, min(j0 + TILE, i)):
-                    S[j, i] = S[i, j]
+                x = out[i, j] + q[j0 + i, j0 + j]
+                S[j0 + i, j0 + j] = x
+                S[j0 + j, j0 + i] = x
+        for i0 in range(d, n - j0, TILE):
+            i1 = min(i0 + TILE, n - j0)
+            for i in range(i0, i1):
+                for j in range(d):
+                    S[j0 + i, j0 + j] = out[i, j] + q[j0 + i, j0 + j]
+            # mirrored while the tile is in the first cache
+            for j in range(d):
+                for i in range(i0, i1):
+                    S[j0 + j, j0 + i] = S[j0 + i, j0 + j]
 
 
 @njit(**OPTIONS)
-def forward_large(k0, k1, S, T, F, Q, predict, rows, row_set, offsets, steps, v, R, running_set, kept, panel, C, B, D):
-    """forward_small for many states; S, T (n, n), kept (K, n, n), panel (2 PANEL n,), C, B, D (BLOCK, n)."""
-    n = S.shape[0]
+def forward_large(
+    k0, k1, S, T, F, Q, predict, rows, row_set, offsets, steps, v, R, running_set, kept,
+    width, packed, left, part, other, C, B, D
+):  # fmt: skip
+    """forward_small for many states.
+
+    S, T, other (n, n), kept (K, n, n), packed (n n,), left, part (n width,), C, B, D (BLOCK, n)
+    """
     M = offsets.shape[0] - 1
+    n = S.shape[0]
     keep = kept.shape[0] > 0
     running = R.shape[0] > 0
     total = 0.0
-    last = X = S
+    last, now = S, other
+    held = -1
     for k in range(k0, k1):
         if keep:
-            X = kept[k - k0]
-        _predict(last, F[predict[k]], Q[predict[k]], T, X, panel, n)
+            now = kept[k - k0]
+        f = F[predict[k]]
+        if predict[k] != held:
+            _pack(f, width, packed)
+            held = predict[k]
+        _predict(last, f, packed, Q[predict[k]], width, left, part, now)
         h = steps[k]
         if running:
-            total += 0.5 * h * trace_product(R[running_set[k]], X, n)
+            total += 0.5 * h * trace_product(R[running_set[k]], now, n)
         c = rows[row_set[k]]
         count = 0
         for j in range(M):
@@ -158,61 +215,104 @@ def forward_large(k0, k1, S, T, F, Q, predict, rows, row_set, offsets, steps, v,
                         C[count, i] = x * c[r, i]
                     count += 1
                     if count == BLOCK:
-                        _update_block(X, C, B, D, T, count, n)
+                        _update_block(now, C, B, D, T, count, n)
                         count = 0
         if count > 0:
-            _update_block(X, C, B, D, T, count, n)
+            _update_block(now, C, B, D, T, count, n)
         if running:
-            total += 0.5 * h * trace_product(R[running_set[k]], X, n)
-        last = X
-    if keep and k1 > k0:
-        S[:, :] = kept[k1 - 1 - k0]
+            total += 0.5 * h * trace_product(R[running_set[k]], now, n)
+        last, now = now, last
+    if k1 > k0 and (keep or (k1 - k0) % 2 == 1):
+        S[:, :] = last
     return total
 
 
 @njit(**OPTIONS)
-def backward_large(k0, k1, V, U, F, predict, rows, row_set, offsets, steps, v, upper, cost, kept, gradient, c, work, G):
-    """backward_small for many states; c (r, n) gathers the rows of available sensors, work (r, p) holds C U'."""
-    remember = G.shape[0] > 0
+def _squares(first, last, U, c, listed, wanted, sums, products, offsets, steps, upper, gradient, G):
+    """gradient -= h |c_r V S+|^2 of the available rows of intervals first .. last; U holds their V S+, last first."""
+    p = G.shape[2]
+    M = offsets.shape[0] - 1
+    wanted[:] = False
+    for k in range(first, last + 1):
+        for j in range(M):
+            wanted[j] |= upper[k, j] > 0.0
+    count = 0
+    for j in range(M):
+        if wanted[j]:
+            for r in range(offsets[j], offsets[j + 1]):
+                listed[count] = r
+                count += 1
+    if count == 0:
+        return
+    rows = c
+    if count < len(c):
+        rows = c[listed[:count]]
+    block = (last - first + 1) * p
+    out = products[: block * count].reshape(block, count)
+    np.dot(U[:block], rows.T, out)
+    for k in range(first, last + 1):
+        top = (last - k) * p
+        for r in range(count):
+            sums[r] = out[top, r] * out[top, r]
+        for a in range(1, p):
+            for r in range(count):
+                sums[r] += out[top + a, r] * out[top + a, r]
+        at = 0
+        for j in range(M):
+            if wanted[j]:
+                size = offsets[j + 1] - offsets[j]
+                if upper[k, j] > 0.0:
+                    for r in range(at, at + size):
+                        gradient[k, j] -= steps[k] * sums[r]
+                at += size
+        if G.shape[0] > 0:
+            for r in range(count):
+                for a in range(p):
+                    G[k, listed[r], a] = out[top + a, r]
+
+
+@njit(**OPTIONS)
+def backward_large(
+    k0, k1, V, U, F, predict, rows, row_set, offsets, steps, v, upper, cost, kept, gradient,
+    c, step, shares, listed, wanted, products, G
+):  # fmt: skip
+    """backward_small for many states; the derivatives wait until U (B p, n) holds V S+ of B intervals or rows change.
+
+    c (r, n), step (p, n), shares (p r,), listed (r,), wanted (M,) and products (B p r,) are work space
+    """
     p, n = V.shape
     M = offsets.shape[0] - 1
+    room = U.shape[0] // p
+    newest = k1 - 1  # the first interval whose V S+ waits
+    tail = (listed, wanted, shares, products, offsets, steps, upper, gradient, G)
     for k in range(k1 - 1, k0 - 1, -1):
-        np.dot(V, kept[k - k0], U)
-        h = steps[k]
-        count = 0
-        for j in range(M):
-            if upper[k, j] > 0.0:
-                count += offsets[j + 1] - offsets[j]
-        if count == rows.shape[1]:
-            np.dot(rows[row_set[k]], U.T, work)
-        elif count > 0:
-            count = 0
-            for j in range(M):
-                if upper[k, j] > 0.0:
-                    for r in range(offsets[j], offsets[j + 1]):
-                        c[count, :] = rows[row_set[k], r]
-                        count += 1
-            np.dot(c[:count], U.T, work[:count])
+        if newest - k == room or row_set[newest] != row_set[k]:
+            _squares(k + 1, newest, U, rows[row_set[newest]], *tail)
+            newest = k
+        here = U[(newest - k) * p : (newest - k + 1) * p]
+        np.dot(V, kept[k - k0], here)
         count = 0
         for j in range(M):
             gradient[k, j] = cost[k, j]
-            if upper[k, j] > 0.0:
-                total = 0.0
-                w = h * v[k, j]
+            if upper[k, j] > 0.0 and v[k, j] > 0.0:
                 for r in range(offsets[j], offsets[j + 1]):
-                    for a in range(p):
-                        total += work[count, a] * work[count, a]
-                        if remember:
-                            G[k, r, a] = work[count, a]
-                    if w > 0.0:
-                        for a in range(p):
-                            x = w * work[count, a]
-                            for i in range(n):
-                                V[a, i] -= x * rows[row_set[k], r, i]
+                    c[count, :] = rows[row_set[k], r]
+                    listed[count] = j
                     count += 1
-                gradient[k, j] -= h * total
-        np.dot(V, F[predict[k]], U)
-        V[:, :] = U
+        if count > 0:
+            share = shares[: p * count].reshape(p, count)
+            np.dot(here, c[:count].T, share)
+            for a in range(p):
+                for r in range(count):
+                    share[a, r] *= steps[k] * v[k, listed[r]]
+            np.dot(share, c[:count], step)
+            for a in range(p):
+                for i in range(n):
+                    V[a, i] -= step[a, i]
+        np.dot(V, F[predict[k]], step)
+        V[:, :] = step
+    if k1 > k0:
+        _squares(k0, newest, U, rows[row_set[newest]], *tail)
 
 
 @njit(**OPTIONS)

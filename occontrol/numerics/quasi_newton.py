@@ -10,106 +10,87 @@ from numba import njit
 
 _OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reassoc"}, "error_model": "numpy"}
 CURVATURE = 1e-10
-BOUND = 1e-10
 NEAR = 1e-6  # larger: what goes all the way disturbs the rest, and steps fail near a gap of 1e-6
 
 
 @njit(**_OPTIONS)
-def _face(v, g, upper, free, count):
-    """Free weights: between their bounds, or at a bound that the reduced gradient pushes them away from."""
+def _face(v, g, upper, free, count, move):
+    """Free weights: between their bounds, or at a bound that the reduced gradient pushes them away from.
+
+    move : what nearly stands at a bound and is pushed there goes all the way, instead of dragging the direction along
+    """
     N, M = v.shape
     for k in range(N):
         # the multiplier is the gradient at the weight farthest from its bounds; at a vertex it lies between the largest
         # gradient of the used and the smallest of the unused weights
-        anchor, room = -1, BOUND
+        anchor, room = -1, NEAR
         used, unused = -np.inf, np.inf
         for j in range(M):
             if upper[k, j] > 0.0:
                 x = min(v[k, j], upper[k, j] - v[k, j])
                 if x > room:
                     anchor, room = j, x
-                if v[k, j] > BOUND:
+                if v[k, j] > NEAR:
                     used = max(used, g[k, j])
                 else:
                     unused = min(unused, g[k, j])
-        number = 0
+        number, excess = 0, 0.0
         for j in range(M):
             inside = upper[k, j] > 0.0
+            x = 0.0
             if inside and v[k, j] <= NEAR and j != anchor:
                 inside = g[k, j] < (g[k, anchor] if anchor >= 0 else used)
+                x = 0.0 if inside else -v[k, j]
             elif inside and v[k, j] >= upper[k, j] - NEAR and j != anchor:
                 inside = g[k, j] > (g[k, anchor] if anchor >= 0 else unused)
+                x = 0.0 if inside else upper[k, j] - v[k, j]
             free[k, j] = inside
             number += inside
-        count[k] = max(number, 1)
+            move[k, j] = x
+            excess += x
+        count[k] = number
+        if anchor >= 0:
+            move[k, anchor] -= excess  # by the sign of g_j - g_anchor a descent; left to the projection it may not be
 
 
 @njit(**_OPTIONS)
-def _flatten(x, mask, count, out):
-    """out <- x projected on the plane of the face."""
-    N, M = x.shape
+def _list_face(free, count, listed, ends):
+    """The free weights of intervals with two or more of them, interval by interval; their number and the intervals'."""
+    N, M = free.shape
+    size = rows = 0
     for k in range(N):
-        mean = 0.0
-        for j in range(M):
-            mean += mask[k, j] * x[k, j]
-        mean /= count[k]
-        for j in range(M):
-            out[k, j] = mask[k, j] * (x[k, j] - mean)
+        if count[k] > 1:
+            for j in range(M):
+                if free[k, j]:
+                    listed[size] = k * M + j
+                    size += 1
+            ends[rows] = size
+            rows += 1
+    return size, rows
 
 
 @njit(**_OPTIONS)
-def _two_loops(g, mask, count, S, Y, oldest, stored, first_length, q, t, alpha, curvature):
-    """-B g on the face, into q; returns whether any pair was used. mask (N, M) is 1 on the face and 0 off it."""
-    size = g.size
-    memory = S.shape[0]
-    _flatten(g, mask, count, q)
-    m1, q1, t1 = mask.reshape(-1), q.reshape(-1), t.reshape(-1)
-    gamma = -1.0
-    for i in range(stored - 1, -1, -1):
-        slot = (oldest + i) % memory
-        s1 = S[slot].reshape(-1)
-        _flatten(Y[slot], mask, count, t)
-        sy = yy = ss = sq = 0.0
-        for j in range(size):  # t and q vanish off the face
-            sy += s1[j] * t1[j]
-            yy += t1[j] * t1[j]
-            ss += m1[j] * s1[j] * s1[j]
-            sq += s1[j] * q1[j]
-        if not sy > CURVATURE * np.sqrt(ss * yy):
-            curvature[i] = 0.0
-            continue
-        curvature[i] = sy
-        if gamma < 0.0:
-            gamma = sy / yy
-        a = sq / sy
-        alpha[i] = a
-        for j in range(size):
-            q1[j] -= a * t1[j]
-    used = gamma > 0.0
-    if not used:
-        largest = np.max(np.abs(q1))
-        gamma = first_length / largest if largest > 0.0 else 1.0
-    for j in range(size):
-        q1[j] *= gamma
-    for i in range(stored):
-        if curvature[i] <= 0.0:
-            continue
-        slot = (oldest + i) % memory
-        y1 = Y[slot].reshape(-1)
-        yd = 0.0
-        for j in range(size):
-            yd += y1[j] * q1[j]
-        b = alpha[i] - yd / curvature[i]
-        _flatten(S[slot], mask, count, t)
-        for j in range(size):
-            q1[j] += b * t1[j]
-    for j in range(size):
-        q1[j] = -q1[j]
-    return used
+def _on_face(x, first, stored, listed, ends, out, to):
+    """out[:, to : to + stored] <- rows of x[:, first : first + stored] on the face, less the mean of each interval."""
+    begin = 0
+    for end in ends:
+        for i in range(stored):
+            mean = 0.0
+            for a in range(begin, end):
+                mean += x[listed[a], first + i]
+            mean /= end - begin
+            for a in range(begin, end):
+                out[a, to + i] = x[listed[a], first + i] - mean
+        begin = end
 
 
 class FaceBFGS:
-    """The last `memory` pairs (step, change of gradient) and the direction they give on a face.
+    """The last `memory` pairs (step s, change of gradient y) and the direction they give on a face.
+
+    With S = [s ..], Y = [y ..], D = diag(s'y) and L the part of S'Y below the diagonal, B = gamma I - W K^-1 W' with
+    W = [gamma S, Y], K = [[gamma S'S, L], [L', -D]] (Byrd, Nocedal and Schnabel 1994, theorem 2.3). B is built from
+    whole pairs and only then restricted to the plane of the face: pairs that were restricted one by one would lose what
+    they know whenever the face changes.
 
     Parameters
     ----------
@@ -120,16 +101,16 @@ class FaceBFGS:
 
     def __init__(self, shape: tuple[int, int], memory: int = 20, first_length: float = 0.3):
         self.memory, self.first_length = memory, first_length
-        self._S, self._Y = np.empty((memory, *shape)), np.empty((memory, *shape))
-        self._q, self._t = np.empty(shape), np.empty(shape)
-        self._free, self._count = np.empty(shape, dtype=np.bool_), np.empty(shape[0])
-        self._mask = np.empty(shape)
-        self._alpha, self._curvature = np.empty(memory), np.empty(memory)
+        size = shape[0] * shape[1]
+        self._pairs = np.zeros((size, 2 * memory))  # S beside Y: what a face needs of them stands together
+        self._SS, self._SY = np.zeros((memory, memory)), np.zeros((memory, memory))
+        self._free, self._count = np.empty(shape, dtype=np.bool_), np.empty(shape[0], dtype=np.int64)
+        self._listed, self._ends = np.empty(size, dtype=np.int64), np.empty(shape[0], dtype=np.int64)
         self.reset()
 
     def reset(self) -> None:
         """Forget all pairs."""
-        self._oldest = self._stored = 0
+        self._order: list[int] = []  # slots, the oldest first
 
     def update(self, step: np.ndarray, change: np.ndarray) -> None:
         """Take one pair.
@@ -139,12 +120,16 @@ class FaceBFGS:
         step : (N, M) difference of two policies
         change : (N, M) difference of their gradients
         """
-        slot = (self._oldest + self._stored) % self.memory
-        if self._stored == self.memory:
-            self._oldest = (self._oldest + 1) % self.memory
-        else:
-            self._stored += 1
-        self._S[slot], self._Y[slot] = step, change
+        s, y, memory = step.ravel(), change.ravel(), self.memory
+        if not float(s @ y) > 0.0:
+            return
+        slot = self._order.pop(0) if len(self._order) == memory else len(self._order)
+        self._order.append(slot)
+        self._pairs[:, slot], self._pairs[:, memory + slot] = s, y
+        moved = np.flatnonzero(s)
+        products = s[moved] @ self._pairs[moved]
+        self._SS[slot] = self._SS[:, slot] = products[:memory]
+        self._SY[slot] = products[memory:]
 
     def direction(self, weights: np.ndarray, gradient: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """The quasi-Newton direction (N, M) on the face of `weights`; a fresh array.
@@ -153,12 +138,45 @@ class FaceBFGS:
         ----------
         weights, gradient, upper : (N, M)
         """
-        _face(weights, gradient, upper, self._free, self._count)
-        self._mask[:] = self._free
-        args = (gradient, self._mask, self._count, self._S, self._Y, self._oldest, self._stored)
-        _two_loops(*args, self.first_length, self._q, self._t, self._alpha, self._curvature)
-        if np.vdot(self._q, gradient) >= 0:
-            _two_loops(*args[:6], 0, self.first_length, self._q, self._t, self._alpha, self._curvature)
-        # what is nearly at a bound and pushed there goes all the way, instead of dragging the direction along
-        low = ~self._free & (weights < 0.5 * upper)
-        return np.where(self._free, self._q, np.where(low, -weights, upper - weights))
+        found = np.empty(weights.shape)
+        _face(weights, gradient, upper, self._free, self._count, found)
+        size, rows = _list_face(self._free, self._count, self._listed, self._ends)
+        listed, ends = self._listed[:size], self._ends[:rows]
+        g = np.empty((size, 1))
+        _on_face(gradient.reshape(-1, 1), 0, 1, listed, ends, g, 0)
+        found.reshape(-1)[listed] += self._step(g[:, 0], listed, ends)
+        return found
+
+    def _step(self, g: np.ndarray, listed: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """-B^-1 g on the plane of the face; a gradient step where no pair helps."""
+        order = np.array(self._order, dtype=np.int64)
+        m = len(order)
+        if m and len(g):
+            W = np.empty((len(g), 2 * m))
+            _on_face(self._pairs, 0, m, listed, ends, W, 0)
+            _on_face(self._pairs, self.memory, m, listed, ends, W, m)
+            inner = W.T @ W
+            # slots are in the order of age only until the memory is full
+            both = np.concatenate([order, m + order])
+            inner = inner[np.ix_(both, both)]
+            curvature = np.diag(inner[:m, m:])
+            steps, changes = np.diag(inner[:m, :m]), np.diag(inner[m:, m:])
+            useful = np.flatnonzero(curvature > CURVATURE * np.sqrt(steps * changes))
+            if len(useful):
+                gamma = changes[useful[-1]] / curvature[useful[-1]]
+                SS, SY = self._SS[np.ix_(order, order)], self._SY[np.ix_(order, order)]
+                L = np.tril(SY, -1)
+                K = np.block([[gamma * SS, L], [L.T, -np.diag(np.diag(SY))]])
+                units = np.concatenate([np.full(m, gamma), np.ones(m)])
+                scale = 1.0 / np.sqrt(np.abs(np.diag(K)))
+                system = (K - units[:, None] * inner * (units / gamma)) * scale[:, None] * scale
+                right = scale * units * (g @ W)[both]
+                try:
+                    z = units * scale * np.linalg.solve(system, right)
+                except np.linalg.LinAlgError:
+                    z = np.full(2 * m, np.nan)
+                step = -(g + W @ z[np.argsort(both)] / gamma) / gamma
+                if step @ g < 0.0:
+                    return step
+        largest = np.max(np.abs(g), initial=0.0)
+        return -g * (self.first_length / largest) if largest > 0.0 else -g

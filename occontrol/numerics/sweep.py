@@ -13,7 +13,7 @@ from occontrol.numerics import kernels, kernels_blas
 from occontrol.numerics.discretise import HalfPredicts, Recursion
 from occontrol.numerics.vectors import padded, width
 
-SMALL = 80  # states up to which the loops beat BLAS calls (scripts/bench.py measures where they cross)
+SMALL = 56  # states up to which the loops beat BLAS calls (scripts/bench.py measures where they cross)
 MEMORY_BUDGET = 1_000_000_000
 
 
@@ -70,18 +70,26 @@ class Sweep:
             self._FT = padded(np.swapaxes(r.transition, 1, 2))
             self._work = (np.empty(w),)
         else:
-            block = kernels_blas.BLOCK
-            self._work = np.empty(2 * kernels_blas.PANEL * n), *(np.empty((block, n)) for _ in range(3))
+            block, panel = kernels_blas.BLOCK, kernels_blas.panel_width(n)
+            self._work = (
+                panel, np.empty(n * n), np.empty(n * panel), np.empty(n * panel), np.empty((n, n)),
+                *(np.empty((block, n)) for _ in range(3)),
+            )  # fmt: skip
         if self.dense:
             self._rows_work = (np.empty(n), np.empty(n)) if self.small else (np.empty((rows, n)), np.empty((rows, n)))
         else:
             p = len(self._root)
-            self._V, self._U = np.zeros((p, w)), np.empty((p, w))
+            self._V = np.zeros((p, w))
             if self.small:
+                self._U = np.empty((p, w))
                 self._columns = padded(np.swapaxes(r.rows, 1, 2))
                 self._rows_work = np.empty((p, w)), np.empty((p, width(rows)))
             else:
-                self._rows_work = np.empty((rows, n)), np.empty((rows, p))
+                self._U = np.empty((max(1, kernels_blas.WAITING // p) * p, n))
+                self._rows_work = (
+                    np.empty((rows, n)), np.empty((p, n)), np.empty(p * rows), np.empty(rows, dtype=np.int64),
+                    np.empty(r.sensors, dtype=np.bool_), np.empty(len(self._U) * rows),
+                )  # fmt: skip
             self._products = np.empty((0, rows, p))
         self.forward_count = self.backward_count = 0
 

@@ -128,6 +128,47 @@ def summed(typing, vector):
     return types.float64(_vector), build
 
 
+def _transposed(builder, rows):
+    for distance in (1, 2, 4):
+        low = [i if not i & distance else i - distance + WIDTH for i in range(WIDTH)]
+        high = [i + distance for i in low]
+        masks = [ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), order) for order in (low, high)]
+        for i in range(WIDTH):
+            if not i & distance:
+                pair = rows[i], rows[i + distance]
+                rows[i], rows[i + distance] = (builder.shuffle_vector(*pair, mask) for mask in masks)
+    return rows
+
+
+_block = types.UniTuple(_vector, WIDTH)
+
+
+@intrinsic
+def transpose(typing, rows):
+    """The transpose of a block of eight rows."""
+
+    def build(context, builder, signature, args):
+        found = _transposed(builder, [builder.extract_value(args[0], i) for i in range(WIDTH)])
+        return context.make_tuple(builder, signature.return_type, found)
+
+    return _block(_block), build
+
+
+@intrinsic
+def symmetric(typing, rows):
+    """The symmetric block of eight rows that has the lower triangle of the given one."""
+
+    def build(context, builder, signature, args):
+        own = [builder.extract_value(args[0], i) for i in range(WIDTH)]
+        found = _transposed(builder, list(own))
+        for i in range(WIDTH):
+            mask = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [j if j <= i else j + WIDTH for j in range(WIDTH)])
+            found[i] = builder.shuffle_vector(own[i], found[i], mask)
+        return context.make_tuple(builder, signature.return_type, found)
+
+    return _block(_block), build
+
+
 def padded(array: np.ndarray) -> np.ndarray:
     """A copy of (..., n) whose last axis is filled with zeros up to a multiple of WIDTH.
 
@@ -206,3 +247,48 @@ def product(A, a, lda, B, b, ldb, C, c, ldc, D, d, rows, inner, columns, lower):
                     x0 = axpy(scalar(A, p + m), load(B, at + m * ldb), x0)
             store(C, c + i * ldc + j, x0)
         i += 2 if two else 1
+
+
+@njit(**OPTIONS)
+def mirror(X, at, n, width):
+    """Make the (n, n) matrix at X[at:], rows `width` apart, symmetric from its lower triangle, by blocks of eight."""
+    if n < WIDTH:
+        for i in range(n):
+            for j in range(i):
+                X[at + j * width + i] = X[at + i * width + j]
+        return
+    for i in range(0, n, WIDTH):
+        p = at + i * width
+        left = n - i
+        for j in range(0, i + 1, WIDTH):
+            block = (
+                load(X, p + j),
+                load(X, p + j + width) if left > 1 else zero(),
+                load(X, p + j + 2 * width) if left > 2 else zero(),
+                load(X, p + j + 3 * width) if left > 3 else zero(),
+                load(X, p + j + 4 * width) if left > 4 else zero(),
+                load(X, p + j + 5 * width) if left > 5 else zero(),
+                load(X, p + j + 6 * width) if left > 6 else zero(),
+                load(X, p + j + 7 * width) if left > 7 else zero(),
+            )
+            to, rows = at + j * width + i, WIDTH
+            if i == j:
+                block = symmetric(block)
+                rows = min(left, WIDTH)
+            else:
+                block = transpose(block)
+            store(X, to, block[0])
+            if rows > 1:
+                store(X, to + width, block[1])
+            if rows > 2:
+                store(X, to + 2 * width, block[2])
+            if rows > 3:
+                store(X, to + 3 * width, block[3])
+            if rows > 4:
+                store(X, to + 4 * width, block[4])
+            if rows > 5:
+                store(X, to + 5 * width, block[5])
+            if rows > 6:
+                store(X, to + 6 * width, block[6])
+            if rows > 7:
+                store(X, to + 7 * width, block[7])

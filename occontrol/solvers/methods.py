@@ -25,7 +25,10 @@ from occontrol.solvers.options import (
     RoundRobin,
 )
 from occontrol.solvers.relaxed import RelaxedOptions, RelaxedOutcome, minimise_relaxed
-from occontrol.solvers.rounding import sum_up_rounding
+from occontrol.solvers.rounding import nearest_policy, sum_up_rounding
+from occontrol.solvers.shaking import shake
+
+SHAKEN = 4  # sweeps of the shaken polish for each of the relaxation's, which cost more
 
 
 @dataclass
@@ -80,11 +83,19 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
     found.proves = isinstance(method, RelaxRoundPolish)
     if isinstance(method, RelaxRoundPolish):
         monitor.stage = "rounding"
-        found.weights = sum_up_rounding(relaxed.weights, r.steps, r.upper, r.select)
+        # none of the roundings is the best on every problem, and a polish costs a fraction of the relaxation
+        rounded = [sum_up_rounding(relaxed.weights, r.steps, r.upper, r.select, backward=b) for b in (False, True)]
+        rounded.append(nearest_policy(relaxed.weights, r.upper, r.select))
+        candidates = sorted(rounded, key=sweep.cost)
+        found.weights = candidates[0]
         if method.polish and not monitor.stop:
-            candidates = [found.weights]
-            done = [polish(sweep, start, method.polish, monitor) for start in candidates]
+            # without exact exchanges a polish is slow: the best start alone
+            starts = candidates if sweep.has_products else candidates[:1]
+            done = [polish(sweep, start, method.polish, monitor) for start in starts]
             best = min(done, key=lambda o: o.cost)
+            if sweep.has_products and best.end == "stationary":
+                enough = relaxed.lower_bound + method.relative_gap * abs(best.cost)
+                best = shake(sweep, best, enough, SHAKEN * relaxed.sweeps["gradients"], method.polish, monitor)
             found.weights, found.extra["polish_rounds"] = best.weights, best.iterations
             if best.end == "interrupted":
                 found.status = Status.INTERRUPTED

@@ -29,7 +29,7 @@ class RelaxedOptions:
     ----------
     relative_gap : target of (J - bound)/|J|
     max_iterations : steps
-    memory : pairs of the quasi-Newton method; 4 n, between 20 and 80, if None (the curvature's rank grows with the
+    memory : pairs of the quasi-Newton method; 4 n, between 80 and 120, if None (the curvature's rank grows with the
         states); fewer where they would take more than PAIR_BYTES
     """
 
@@ -80,7 +80,7 @@ def minimise_relaxed(
     r = sweep.recursion
     upper, select = r.upper, r.select
     v = uniform(upper, select) if start is None else start
-    pairs = options.memory or min(max(4 * r.states, 20), 80)
+    pairs = options.memory or min(max(4 * r.states, 80), 120)
     memory = FaceBFGS(v.shape, max(5, min(pairs, PAIR_BYTES // (16 * v.size))))
     cuts = Cuts(v.shape, upper, select)
     before = (sweep.backward_count, sweep.forward_count)
@@ -132,11 +132,16 @@ def _bent(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray):
     for _ in range(8):
         w = project(v + t * d, r.upper, r.select)
         slope = float(np.vdot(g, w - v))
+        shorter = 0.35
         if slope < 0:
             J_new, g_new = sweep.cost_and_gradient(w)
             if J_new <= J + 1e-4 * slope:
                 return w, J_new, g_new
-        t *= 0.35
+            # where the secant of the slopes along the chord vanishes
+            new_slope = float(np.vdot(g_new, w - v))
+            if new_slope > slope:
+                shorter = float(np.clip(slope / (slope - new_slope), 1e-3, 0.5))
+        t *= shorter
     return None
 
 

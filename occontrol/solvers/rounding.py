@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from occontrol.numerics.polytope import vertex
+
 
 @njit(cache=True)
 def _sum_up(weights, steps, upper, select, result):
@@ -26,7 +28,9 @@ def _sum_up(weights, steps, upper, select, result):
             deficit[best] -= h
 
 
-def sum_up_rounding(weights: np.ndarray, steps: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
+def sum_up_rounding(
+    weights: np.ndarray, steps: np.ndarray, upper: np.ndarray, select: int, backward: bool = False
+) -> np.ndarray:
     """The integral policy whose accumulated use stays closest to the relaxed one's.
 
     On every interval each of the `select` places goes to the available sensor with the largest deficit
@@ -38,12 +42,28 @@ def sum_up_rounding(weights: np.ndarray, steps: np.ndarray, upper: np.ndarray, s
     steps : (N,) interval lengths
     upper : (N, M) largest weights
     select : places per interval
+    backward : from the last interval to the first
 
     Returns (N, M) integral.
     """
+    turn = slice(None, None, -1 if backward else 1)
     result = np.zeros_like(weights)
-    _sum_up(np.ascontiguousarray(weights), steps, upper, select, result)
-    return result
+    _sum_up(*(np.ascontiguousarray(x[turn]) for x in (weights, steps, upper)), select, result)
+    return np.ascontiguousarray(result[turn])
+
+
+def nearest_policy(weights: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
+    """The integral policy with the largest weights on every interval: clean switches, but nothing like singular arcs.
+
+    Parameters
+    ----------
+    weights : (N, M) relaxed policy
+    upper : (N, M) largest weights
+    select : places per interval
+
+    Returns (N, M) integral.
+    """
+    return vertex(np.where(upper > 0, -weights, 0.0), upper, select)
 
 
 SHORTEST = 4

@@ -20,6 +20,7 @@ from occontrol.solvers.hminimal import h_minimal, polish
 from occontrol.solvers.options import HMinimal, Relaxed, RelaxRoundPolish
 from occontrol.solvers.relaxed import RelaxedOptions, minimise_relaxed
 from occontrol.solvers.rounding import sum_up_rounding
+from occontrol.solvers.shaking import shake
 from tests.solvers.random_problems import random_policy, random_problem
 
 
@@ -160,6 +161,22 @@ def test_schedule_beats_or_equals_every_baseline():
     problem = random_problem(33, states=4, sensors=5, intervals=80)
     costs = {name: solve(problem, METHODS[name]()).cost for name in METHODS if name not in ("collocation", "relaxed")}
     assert min(costs, key=lambda n: costs[n]) == "schedule"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_shaking_only_improves_and_keeps_to_the_windows(seed):
+    problem = random_problem(seed, states=4, sensors=4, intervals=60, select=2, windows=True)
+    sweep = Sweep(discretise(problem))
+    # from nothing better than turns, so that there is something to find
+    start = polish(sweep, baselines.round_robin(sweep.recursion), 0)
+    found, again = (shake(sweep, start, -np.inf, 400) for _ in range(2))
+    assert found.cost < start.cost
+    assert found.cost == pytest.approx(sweep.cost(found.weights), rel=1e-13)
+    np.testing.assert_array_equal(found.weights, again.weights)
+    np.testing.assert_array_equal(found.weights, np.round(found.weights))
+    np.testing.assert_array_equal(found.weights.sum(axis=1), 2)
+    assert np.all(found.weights <= problem.upper)
+    assert shake(sweep, start, start.cost, 400) is start  # good enough already
 
 
 def test_gap_of_the_schedule_shrinks_with_the_intervals():
