@@ -158,7 +158,6 @@ class DiscretePlant:
         return {name: signal for name, signal in named.items() if signal is not None}
 
 
-
 def state_names(count: int) -> Sequence[str]:
     """x1, x2, ... as they are called in every output file."""
     return [f"x{i + 1}" for i in range(count)]

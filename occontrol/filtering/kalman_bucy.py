@@ -107,9 +107,7 @@ def _notes(model: SampledModel, steps: Sequence[Step]) -> tuple[str, ...]:
         total = float(np.nansum([s.nis for s in steps]))
         low, high = average_band(values)
         verdict = "inside" if low <= total / values <= high else "OUTSIDE"
-        notes.append(
-            f"NIS: {total / values:.4g} per value on average, {verdict} its 99 % band [{low:.4g}, {high:.4g}]"
-        )
+        notes.append(f"NIS: {total / values:.4g} per value on average, {verdict} its 99 % band [{low:.4g}, {high:.4g}]")
     return tuple(notes)
 
 

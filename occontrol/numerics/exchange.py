@@ -5,9 +5,13 @@ gradient. Exchanging information h L_j for h L_l changes J by
     alpha h (q_l - q_j) - tr[ G' (D^-1 + C S C')^-1 G ],   C = [C_j; C_l],  G = [G_j; G_l],  D = h diag(-I, I)
 (the matrix inversion lemma on S^-1 - h L_j + h L_l). The smoothed covariance comes from the adjoint recursion
     Lam- = K' Lam K + C~'(I + C~ S- C~')^-1 C~,   Lam <- F' Lam- F,   S = S+ - S+ Lam S+        (Bryson & Frazier 1963)
+With a running weight J looks at the covariance at every time, and no one S will do. With S+ in its place the formula is
+tr(P dS+), which is never below the change: a later covariance is a concave function of an earlier one.
 """
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -141,20 +145,55 @@ def _best_exchanges(F, predict, rows, row_set, offsets, steps, v, upper, cost, s
         np.dot(f.T, T, adjoint)
 
 
+def _surely_good_exchanges(sweep: Sweep, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    r, N, n = sweep.recursion, sweep.recursion.intervals, sweep.recursion.states
+    gain, leaving, entering = np.zeros(N), np.full(N, -1), np.full(N, -1)
+    per_row = np.repeat(np.arange(r.sensors), np.diff(r.offsets))
+    inner, outer = np.empty((2, N, len(per_row), len(per_row)))
+    P, store = sweep.terminal, sweep.kept[0]
+    for k in range(N - 1, -1, -1):
+        c, plus = r.rows[r.row_set[k]], store[k, :, :n]
+        P = P + 0.5 * r.steps[k] * r.running[r.running_set[k]]
+        Y = c @ plus
+        inner[k], outer[k] = Y @ c.T, Y @ P @ Y.T
+        K = np.eye(n) - Y.T @ ((r.steps[k] * weights[k, per_row])[:, None] * c)
+        P = K.T @ P @ K + 0.5 * r.steps[k] * r.running[r.running_set[k]]
+        F = r.transition[r.predict[k]]
+        P = F.T @ P @ F
+        P = 0.5 * (P + P.T)
+    rows = [np.arange(a, b) for a, b in pairwise(r.offsets)]
+    for j in range(r.sensors):
+        for e in range(r.sensors):
+            at = np.flatnonzero((weights[:, j] > 0.5) & (weights[:, e] < r.upper[:, e] - 0.5))
+            if e == j or not len(at):
+                continue
+            both = np.concatenate([rows[j], rows[e]])
+            block = np.ix_(at, both, both)
+            signs = np.repeat([-1.0, 1.0], [len(rows[j]), len(rows[e])])
+            change = r.cost[at, e] - r.cost[at, j]
+            if len(both):
+                A = inner[block] + np.eye(len(both)) * (signs / r.steps[at, None])[:, None]
+                change -= np.trace(np.linalg.solve(A, outer[block]), axis1=1, axis2=2)
+            better = change < gain[at]
+            gain[at[better]], leaving[at[better]], entering[at[better]] = change[better], j, e
+    return gain, leaving, entering
+
+
 def best_exchanges(sweep: Sweep, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The best single exchange of every interval and its exact effect on J.
+    """The best single exchange of every interval and its effect on J: exact, or at least that with a running weight.
 
     Parameters
     ----------
-    sweep : Sweep with `remember_products` done, whose last `cost_and_gradient` was at `weights`
+    sweep : Sweep that `keeps_all`, with `remember_products` done, whose last `cost_and_gradient` was at `weights`
     weights : (N, M) integral policy
 
-    Returns gain (N,) <= 0 (0 where no exchange helps), leaving (N,) and entering (N,) sensor indices, -1 for none.
+    Returns gain (N,) <= 0 (0 where no exchange surely helps), leaving (N,) and entering (N,) sensor indices or -1.
     """
+    if sweep.dense:
+        return _surely_good_exchanges(sweep, weights)
     r, N = sweep.recursion, sweep.recursion.intervals
-    gain, leaving, entering = np.zeros(N), np.full(N, -1), np.full(N, -1)
+    found = np.zeros(N), np.full(N, -1), np.full(N, -1)
     _best_exchanges(
-        r.transition, r.predict, r.rows, r.row_set, r.offsets, r.steps, weights, r.upper, r.cost,
-        *sweep.kept, gain, leaving, entering,
-    )  # fmt: skip
-    return gain, leaving, entering
+        r.transition, r.predict, r.rows, r.row_set, r.offsets, r.steps, weights, r.upper, r.cost, *sweep.kept, *found
+    )
+    return found

@@ -63,9 +63,9 @@ class Sweep:
         self._checkpoints = np.zeros((segments if segments > 1 else 0, n, w))
         self._none = np.empty((0, n, w))
         last = r.transition[r.predict[N]]
-        self._terminal = last.T @ r.terminal @ last
+        self.terminal = last.T @ r.terminal @ last
         self._terminal_noise = float(np.sum(r.terminal * r.noise[r.predict[N]]))
-        self._root = _factor(self._terminal)
+        self._root = _factor(self.terminal)
         if self.small:
             self._FT = padded(np.swapaxes(r.transition, 1, 2))
             self._work = (np.empty(w),)
@@ -90,7 +90,7 @@ class Sweep:
                     np.empty((rows, n)), np.empty((p, n)), np.empty(p * rows), np.empty(rows, dtype=np.int64),
                     np.empty(r.sensors, dtype=np.bool_), np.empty(len(self._U) * rows),
                 )  # fmt: skip
-            self._products = np.empty((0, rows, p))
+        self._products = np.empty((0, rows, 1 if self.dense else len(self._root)))
         self.forward_count = self.backward_count = 0
 
     def _forward(self, k0: int, k1: int, weights: np.ndarray, store: np.ndarray) -> float:
@@ -111,7 +111,7 @@ class Sweep:
                 self._checkpoints[s] = self._S
             running += self._forward(k0, k1, weights, self._store if keep and k1 == N else self._none)
         self.forward_count += 1
-        final = float(np.vdot(self._terminal, self._S[:, : self._n]))
+        final = float(np.vdot(self.terminal, self._S[:, : self._n]))
         return float(np.vdot(r.cost, weights)) + running + final + self._terminal_noise
 
     def cost(self, weights: np.ndarray) -> float:
@@ -125,7 +125,7 @@ class Sweep:
         value = self._run_forward(weights, keep=True)
         gradient = np.empty((N, r.sensors))
         if self.dense:
-            P = padded(self._terminal) if self.small else self._terminal.copy()
+            P = padded(self.terminal) if self.small else self.terminal.copy()
         else:
             self._V[:, : self._n] = self._root
             P = self._V
@@ -157,19 +157,19 @@ class Sweep:
             kernels_blas.backward_large(*front, *tail)
 
     @property
-    def has_products(self) -> bool:
-        """Whether `remember_products` is there: no running weight, and all covariances fit the memory budget."""
-        return not self.dense and self._segment >= self.recursion.intervals
+    def keeps_all(self) -> bool:
+        """Whether all covariances fit the memory budget, as numerics/exchange.py needs them."""
+        return self._segment >= self.recursion.intervals
 
     def remember_products(self) -> None:
-        """Make every later `cost_and_gradient` keep S+ and G = C S+ V' of all rows, for numerics/exchange.py."""
-        if not len(self._products):
+        """Make every later `cost_and_gradient` keep S+ and, without a running weight, G = C S+ V' of all rows."""
+        if not self.dense and not len(self._products):
             r = self.recursion
             self._products = np.empty((r.intervals, r.rows.shape[1], len(self._root)))
 
     @property
     def kept(self) -> tuple[np.ndarray, np.ndarray]:
-        """S+ (N, n, at least n) and G (N, r, p) of the last `cost_and_gradient`; valid after `remember_products`."""
+        """S+ (N, n, at least n) and G (N, r, p) of the last `cost_and_gradient`; G after `remember_products`."""
         return self._store, self._products
 
 

@@ -8,7 +8,7 @@ after success; back to (2). With epsilon = 1 always it is the plain method, whic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from occontrol.core.monitor import Monitor
 from occontrol.numerics.exchange import best_exchanges
 from occontrol.numerics.polytope import excess, vertex
 from occontrol.numerics.sweep import Sweep
+
+WORK = 2e10  # flops, or their like, that trying exchanges one by one may take
 
 
 @dataclass
@@ -110,8 +112,8 @@ def polish(sweep: Sweep, start: np.ndarray, max_rounds: int = 200, monitor: Moni
     """H-minimal steps whose predicted decrease is exact: the best single exchange of every interval, on the true cost.
 
     As many of the best exchanges at once as still lower J, halved until they do; ends when no single exchange does,
-    so the result cannot be improved by changing one interval. With a running weight (no exact formula) the exchanges
-    are tried one by one in the order of the switching functions instead.
+    so the result cannot be improved by changing one interval. With a running weight the prediction is only the least
+    that an exchange saves; what it leaves is tried one by one in the order of the switching functions, up to WORK.
 
     Parameters
     ----------
@@ -123,8 +125,17 @@ def polish(sweep: Sweep, start: np.ndarray, max_rounds: int = 200, monitor: Moni
     Returns SweepOutcome; `lower_bound` is -inf (polishing proves nothing).
     """
     monitor = monitor or Monitor()
-    if not sweep.has_products:
-        return _polish_by_trial(sweep, start, max_rounds, monitor)
+    if not sweep.keeps_all:
+        found = h_minimal(sweep, start, max_iterations=max_rounds, monitor=monitor.silent())
+        return _polish_by_trial(sweep, found.weights, found.cost, monitor)
+    found = _polish_by_exchange(sweep, start, max_rounds, monitor)
+    if sweep.dense and found.end == "stationary":
+        tried = _polish_by_trial(sweep, found.weights, found.cost, monitor)
+        found = replace(tried, iterations=found.iterations + tried.iterations)
+    return found
+
+
+def _polish_by_exchange(sweep: Sweep, start: np.ndarray, max_rounds: int, monitor: Monitor) -> SweepOutcome:
     sweep.remember_products()
     r = sweep.recursion
     v = start.copy()
@@ -162,12 +173,11 @@ def polish(sweep: Sweep, start: np.ndarray, max_rounds: int = 200, monitor: Moni
     return SweepOutcome(v, J, -np.inf, max_rounds, "limit")
 
 
-def _polish_by_trial(sweep: Sweep, start: np.ndarray, max_rounds: int, monitor: Monitor) -> SweepOutcome:
+def _polish_by_trial(sweep: Sweep, start: np.ndarray, J: float, monitor: Monitor) -> SweepOutcome:
     r = sweep.recursion
-    done = h_minimal(sweep, start, max_iterations=max_rounds, monitor=monitor.silent())
-    v, J = done.weights.copy(), done.cost
-    budget = 4 * r.intervals + 200
-    improved, rounds = True, done.iterations
+    v = start.copy()
+    budget = min(4 * r.intervals + 200, int(WORK / (r.intervals * (4 * r.states**3 + 500))))
+    improved, rounds = True, 0
     while improved and budget > 0 and not monitor.stop:
         improved = False
         rounds += 1

@@ -90,10 +90,11 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
         found.weights = candidates[0]
         if method.polish and not monitor.stop:
             # without exact exchanges a polish is slow: the best start alone
-            starts = candidates if sweep.has_products else candidates[:1]
+            exact = sweep.keeps_all and not sweep.dense
+            starts = candidates if exact else candidates[:1]
             done = [polish(sweep, start, method.polish, monitor) for start in starts]
             best = min(done, key=lambda o: o.cost)
-            if sweep.has_products and best.end == "stationary":
+            if exact and best.end == "stationary":
                 enough = relaxed.lower_bound + method.relative_gap * abs(best.cost)
                 best = shake(sweep, best, enough, SHAKEN * relaxed.sweeps["gradients"], method.polish, monitor)
             found.weights, found.extra["polish_rounds"] = best.weights, best.iterations

@@ -104,11 +104,11 @@ def minimise_relaxed(
             status = Status.LIMIT
             break
         iteration += 1
-        found = _bent(sweep, v, J, g, memory.direction(v, g, upper))
+        found = _bent(sweep, v, J, g, memory.direction(v, g, upper), bound)
         if found is None:
             # no descent: drop the curvature and take the conditional-gradient direction, downhill unless v is optimal
             memory.reset()
-            found = _along(sweep, v, J, g, vertex(np.where(upper > 0, g, 0.0), upper, select) - v)
+            found = _along(sweep, v, J, g, vertex(np.where(upper > 0, g, 0.0), upper, select) - v, bound)
             if found is None:
                 stalled += 1
                 bound = max(bound, cuts.bound(200))
@@ -126,7 +126,15 @@ def minimise_relaxed(
     return RelaxedOutcome(v, J, min(bound, J), g, iteration, status, spent)
 
 
-def _bent(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray):
+def _wanted(J: float, slope: float, bound: float) -> float:
+    """The cost that a step must reach: Armijo's share of the slope, or of all that there is left to save.
+
+    An unstable plant unobserved for long has slopes that are right only for steps far below rounding.
+    """
+    return J + 1e-4 * max(slope, bound - J)
+
+
+def _bent(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray, bound: float):
     """Armijo along the path of v + t d projected into V; None if it never falls."""
     r, t = sweep.recursion, 1.0
     for _ in range(8):
@@ -135,7 +143,7 @@ def _bent(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray):
         shorter = 0.35
         if slope < 0:
             J_new, g_new = sweep.cost_and_gradient(w)
-            if J_new <= J + 1e-4 * slope:
+            if J_new <= _wanted(J, slope, bound):
                 return w, J_new, g_new
             # where the secant of the slopes along the chord vanishes
             new_slope = float(np.vdot(g_new, w - v))
@@ -145,14 +153,14 @@ def _bent(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray):
     return None
 
 
-def _along(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray):
+def _along(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray, bound: float):
     """Armijo along a feasible direction, with the secant of the slopes; None if it never falls."""
     slope, t = float(np.vdot(g, d)), 1.0
     if not slope < 0:
         return None
     for _ in range(20):
         J_new, g_new = sweep.cost_and_gradient(v + t * d)
-        if J_new <= J + 1e-4 * t * slope:
+        if J_new <= _wanted(J, t * slope, bound):
             return v + t * d, J_new, g_new
         new_slope = float(np.vdot(g_new, d))
         # convex in t

@@ -29,7 +29,7 @@ def shake(
 
     Parameters
     ----------
-    sweep : Sweep with `has_products`
+    sweep : Sweep that `keeps_all`, without a running weight
     best : SweepOutcome of `polish`
     good_enough : cost at which to stop
     sweeps : backward sweeps that may be spent; PATIENCE fruitless shakes in a row also end it

@@ -58,9 +58,7 @@ def test_nothing_measured_and_many_states_can_be_drawn(filtered, tmp_path):
     problem, solution, estimate, _ = filtered
     silent = replace(estimate, nis=np.full(41, np.nan), dimension=np.zeros(41, dtype=int))
     save(estimates.draw(problem, solution, silent)["consistency"], tmp_path / "silent.png")
-    wide = replace(
-        estimate, mean=np.tile(estimate.mean, 6), standard_deviation=np.tile(estimate.standard_deviation, 6)
-    )
+    wide = replace(estimate, mean=np.tile(estimate.mean, 6), standard_deviation=np.tile(estimate.standard_deviation, 6))
     figure = estimates.draw(problem, solution, wide)["estimates"]
     assert any("the first 8 of 12 states" in text.get_text() for text in figure.texts)
 

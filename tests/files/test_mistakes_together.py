@@ -93,7 +93,7 @@ def test_robust(tmp_path, old, new, first):
         ("by: sensor", "by: luck", "prune.by is 'luck'"),
         ("name: barrier", "name: barier", "unknown method 'barier'"),
         ("filter: {name: enkf, members: 20}\n", "", "the problem has no 'filter'"),
-        ("measurement: {h: [\"x1\", \"x2\"], names: [angle, rate]}\n", "", "the problem has no 'measurement'"),
+        ('measurement: {h: ["x1", "x2"], names: [angle, rate]}\n', "", "the problem has no 'measurement'"),
     ],
 )
 def test_precision(tmp_path, old, new, first):

@@ -25,9 +25,7 @@ def flow(plant, a, b):
         phi, push, Q = flat[: n * n].reshape(n, n), flat[n * n : n * n + n], flat[n * n + n :].reshape(n, n)
         A = plant.A.at(t)
         drive = (plant.B.at(t) @ plant.input.at(t)).ravel()
-        return np.concatenate(
-            [(A @ phi).ravel(), A @ push + drive, (A @ Q + Q @ A.T + plant.noise.at(t)).ravel()]
-        )
+        return np.concatenate([(A @ phi).ravel(), A @ push + drive, (A @ Q + Q @ A.T + plant.noise.at(t)).ravel()])
 
     start = np.concatenate([np.eye(n).ravel(), np.zeros(n + n * n)])
     end = solve_ivp(rate, (a, b), start, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]

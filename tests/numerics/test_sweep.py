@@ -187,3 +187,26 @@ def test_exchange_gains_are_exact(features):
                     best = min(best, other.cost(trial) - J)
         assert gain[k] == pytest.approx(best, rel=1e-5, abs=1e-7 * abs(J))
         assert (leaving[k] >= 0) == (gain[k] < 0) == (entering[k] >= 0)
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_with_a_running_weight_an_exchange_saves_at_least_what_is_said(rows):
+    problem = random_problem(11, running=True, rows=rows, select=2, windows=True)
+    r = discretise(problem)
+    sweep = Sweep(r)
+    sweep.remember_products()
+    v = random_policy(problem, np.random.default_rng(2), integral=True)
+    J, _ = sweep.cost_and_gradient(v)
+    gain, leaving, entering = best_exchanges(sweep, v)
+    assert np.any(gain < 0)
+    changes = []
+    for k in np.flatnonzero(gain < 0):
+        trial = v.copy()
+        trial[k, leaving[k]] -= 1
+        trial[k, entering[k]] += 1
+        assert np.all(trial >= 0) and np.all(trial <= r.upper)
+        changes.append(Sweep(r).cost(trial) - J)
+    assert np.all(changes <= gain[gain < 0] + 1e-10 * abs(J))
+    # and on the last interval, after which there is nothing concave, exactly that
+    if gain[-1] < 0:
+        assert changes[-1] == pytest.approx(gain[-1], rel=1e-8)
