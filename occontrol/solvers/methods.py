@@ -77,9 +77,10 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
     monitor.stage = "relaxation"
     limits = RelaxedOptions(method.relative_gap, getattr(method, "max_iterations", 500))
     relaxed = minimise_relaxed(sweep, None, limits, monitor)
+    message = _STALLED if relaxed.stalled else ""
     if isinstance(method, Relaxed):
-        return Found(relaxed.weights, relaxed.iterations, relaxed.status, "", relaxed, proves=True)
-    found = Found(relaxed.weights, relaxed.iterations, relaxed.status, "", relaxed, target=method.relative_gap)
+        return Found(relaxed.weights, relaxed.iterations, relaxed.status, message, relaxed, proves=True)
+    found = Found(relaxed.weights, relaxed.iterations, relaxed.status, message, relaxed, target=method.relative_gap)
     found.proves = isinstance(method, RelaxRoundPolish)
     if isinstance(method, RelaxRoundPolish):
         monitor.stage = "rounding"
@@ -128,6 +129,11 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
     return found
 
 
+_STALLED = (
+    "No step lowers the relaxed cost any more, though the gap is still open: the data span more orders of magnitude than "
+    "double precision resolves, for instance where an unstable plant may go unmeasured for long. Shorten the horizon or "
+    "demand a measurement where the covariance explodes."
+)
 _END = {
     "stationary": "The policy minimises the Hamiltonian on every interval.",
     "no-descent": "No partial step lowers the cost; where arcs are singular a switching policy can only chatter.",

@@ -51,6 +51,7 @@ class RelaxedOutcome:
     iterations : steps
     status : certified, limit or interrupted
     sweeps : how many gradients and costs it took
+    stalled : no step lowered J any more, though the gap was still open
     """
 
     weights: np.ndarray
@@ -60,6 +61,7 @@ class RelaxedOutcome:
     iterations: int
     status: Status
     sweeps: dict = field(default_factory=dict)
+    stalled: bool = False
 
 
 def minimise_relaxed(
@@ -123,7 +125,7 @@ def minimise_relaxed(
     names = ("gradients", "costs")
     after = (sweep.backward_count, sweep.forward_count)
     spent = {name: b - a for name, a, b in zip(names, before, after, strict=True)}
-    return RelaxedOutcome(v, J, min(bound, J), g, iteration, status, spent)
+    return RelaxedOutcome(v, J, min(bound, J), g, iteration, status, spent, stalled >= 3)
 
 
 def _wanted(J: float, slope: float, bound: float) -> float:
