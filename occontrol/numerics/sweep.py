@@ -188,20 +188,22 @@ def node_path(recursion: Recursion, halves: HalfPredicts, weights: np.ndarray) -
     """
     r, n, N = recursion, recursion.states, recursion.intervals
     F = halves.transition
-    information, gains = [], []
+    gains = []
     covariance, updated = np.empty((N + 1, n, n)), np.empty((N, n, n))
     S = covariance[0] = r.initial
     per_row = np.repeat(np.arange(r.sensors), np.diff(r.offsets))
     for k in range(N):
         a, b = halves.index[2 * k], halves.index[2 * k + 1]
         C = r.rows[r.row_set[k]] * np.sqrt(r.steps[k] * weights[k, per_row])[:, None]
-        C = C[np.any(C != 0, axis=1)]
+        left = np.eye(n)
         S = F[a] @ S @ F[a].T + halves.noise[a]
-        gain = np.linalg.solve(np.eye(len(C)) + C @ S @ C.T, C @ S).T
-        left = np.eye(n) - gain @ C
-        S = left @ S @ left.T + gain @ gain.T
+        # row by row: I + C S C' is singular in doubles where S is huge and the rows nearly parallel
+        for row in C[np.any(C != 0, axis=1)]:
+            gain = S @ row / (1.0 + row @ S @ row)
+            each = np.eye(n) - np.outer(gain, row)
+            S = each @ S @ each.T + np.outer(gain, gain)
+            left = each @ left
         S = updated[k] = (S + S.T) / 2
-        information.append(C.T @ C)
         gains.append(left)
         S = F[b] @ S @ F[b].T + halves.noise[b]
         S = covariance[k + 1] = (S + S.T) / 2

@@ -130,9 +130,9 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
 
 
 _STALLED = (
-    "No step lowers the relaxed cost any more, though the gap is still open: the data span more orders of magnitude than "
-    "double precision resolves, for instance where an unstable plant may go unmeasured for long. Shorten the horizon or "
-    "demand a measurement where the covariance explodes."
+    "No step lowers the relaxed cost any more, though the gap is still open: the data span more orders of magnitude "
+    "than double precision resolves, for instance where an unstable plant may go unmeasured for long. Shorten the "
+    "horizon or demand a measurement where the covariance explodes."
 )
 _END = {
     "stationary": "The policy minimises the Hamiltonian on every interval.",
