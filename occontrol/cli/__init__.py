@@ -65,8 +65,14 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def prepare() -> None:
-    """Make the streams fit for any text, and leave the libraries' warnings to those who look for a fault."""
+    """Make the streams fit for any text, and leave the libraries' warnings to those who look for a fault.
+
+    Products of small matrices on several threads take longer than on one: unless the user has set their number, one.
+    """
     import warnings
+
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
 
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)

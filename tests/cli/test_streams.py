@@ -67,3 +67,16 @@ def test_simulate_looks_at_its_folder_before_it_solves(small_file: Path, tmp_pat
     monkeypatch.chdir(tmp_path)
     assert run(["simulate", str(small_file), "--out", "nowhere/m.csv"]) == 8
     assert "cannot write nowhere/m.csv: there is no folder nowhere" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("given", "used"), [(None, "1"), ("3", "3")])
+def test_one_thread_for_small_matrices_unless_the_user_says_otherwise(given: str | None, used: str) -> None:
+    environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+    if given:
+        environment["OPENBLAS_NUM_THREADS"] = given
+    program = (
+        "import sys, os; from occontrol.cli import prepare; assert 'numpy' not in sys.modules; prepare(); "
+        "print(os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == used
