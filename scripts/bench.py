@@ -2,8 +2,8 @@
 
     python scripts/bench.py [--quick] [--limit 120]
 
-Without --quick it also writes docs/bench.md and docs/figures/bench.png. One thread for linear algebra everywhere,
-except in the largest case, which has two.
+Without --quick it also writes docs/bench.md and docs/figures/bench.png. One thread for linear algebra everywhere: two
+make the largest case slower.
 """
 
 from __future__ import annotations
@@ -20,28 +20,12 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import bench_start  # noqa: E402  (after the number of threads is set)
 import bench_targets  # noqa: E402
+from bench_cases import CASES, NOT_RUN, QUICK  # noqa: E402
 from bench_compare import Comparison, compare  # noqa: E402
+from bench_summary import details, targets  # noqa: E402
 from bench_targets import solve_apart  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
-SEEDS = [0, 1, 2, 3, 4]
-SWEEPS = {(6, 4): (30, 90), (12, 8): (60, 180), (20, 40): (120, 360), (30, 20): (100, 300)}
-RATES = {6: 0.10, 30: 0.40, 100: 0.65, 200: 0.65}
-RATIOS = {"collocation": (500, 600), "single shooting": (60, 300), "SDP, Clarabel": (30, 120)}
-NOT_RUN = "not run"
-# n, M, N, target gap, seeds, threads; the first ones are the quick ones
-CASES: list[tuple[int, int, int, float, list[int], int]] = [
-    (2, 2, 100, 1e-4, SEEDS, 1),
-    (6, 4, 100, 1e-4, SEEDS, 1),
-    (2, 2, 10_000, 1e-4, SEEDS, 1),
-    *((n, M, 400, gap, SEEDS, 1) for n, M in SWEEPS for gap in (1e-4, 1e-6)),
-    (12, 8, 100, 1e-4, SEEDS, 1),
-    *((n, M, 6400, 1e-4, SEEDS, 1) for n, M in ((6, 4), (12, 8))),
-    (60, 100, 200, 1e-4, [0, 1], 1),
-    (100, 200, 200, 1e-4, [0], 1),
-    (200, 500, 500, 1e-3, [0], 2),
-]
-QUICK = 2
 
 
 class Report:
@@ -149,8 +133,6 @@ def main() -> None:
         report.say("", "![Gap against time, rate of a sweep](figures/bench.png)")
         compared = against(report, quick, options.limit)
     found = instances(report, quick)
-    from bench_summary import details, targets
-
     rates = bench_targets.rates([(6, 4, 400), (30, 20, 200), *([] if quick else [(100, 200, 40), (200, 500, 10)])])
     start = bench_start.help_against_nothing()
     more = (

@@ -49,10 +49,14 @@ def _race(axes, done) -> None:
         labels.append((s[-1], best[-1], name, colour))
     axes.axhline(1e-4, color=GREY, lw=0.8, ls=":")
     axes.set(xscale="log", yscale="log", xlabel="seconds", ylabel="relative gap", title=done.name, ylim=(3e-7, 3))
-    for x, y, text, colour in labels:
-        right = x > 5
+    taken: list[tuple[float, float]] = []
+    for x, y, text, colour in sorted(labels):
+        right, up = x > 5, 6
+        while any(abs(np.log10(y) + up / 30 - b) < 0.4 and abs(np.log10(x) - a) < 1.2 for a, b in taken):
+            up -= 13
+        taken.append((np.log10(x), np.log10(y) + up / 30))
         axes.annotate(
-            text, (x, y), (-8 if right else 8, 6), textcoords="offset points", color=colour, fontsize=9,
+            text, (x, y), (-8 if right else 8, up), textcoords="offset points", color=colour, fontsize=9,
             ha="right" if right else "left",
         )  # fmt: skip
     axes.grid(True)

@@ -6,7 +6,8 @@ from importlib import import_module
 from statistics import median
 from typing import Any
 
-NOT_RUN = "not run"
+from bench_cases import CASES, NOT_RUN, RATES, RATIOS, SWEEPS
+from bench_targets import flops
 
 
 def _line(what: str, measured: str, target: str, met: bool | None) -> list[str]:
@@ -22,8 +23,6 @@ def targets(compared: list, found: dict, rates: list[dict], start: dict, more: d
     found : records of our relaxation by (n, M, N, gap)
     rates, start, more : from bench_targets and bench_start
     """
-    from bench import CASES, RATES, RATIOS, SWEEPS
-
     rows = []
     by_name = {c.name: c for c in compared}
     for peer, wanted in RATIOS.items():
@@ -66,7 +65,7 @@ def targets(compared: list, found: dict, rates: list[dict], start: dict, more: d
             _line(what, f"{value[0]:.2f}" if value else NOT_RUN, f"{most}", value[0] <= most if value else None)
         )
     large = next(c for c in CASES if c[0] == 200)
-    case, what = found.get(large[:4]), "(200,500), N = 500, 2 threads"
+    case, what = found.get(large[:4]), "(200,500), N = 500"
     if case is None:
         rows.append(_line(what, NOT_RUN, "certified gap 1e-3, < 2048 MiB", None))
     else:
@@ -95,8 +94,6 @@ def details(report: Any, rates: list[dict], start: dict, more: dict, quick: bool
     rates, start, more : as above
     quick : whether the other families' benchmarks are left out
     """
-    from bench_targets import flops
-
     rows = [
         [str(r["n"]), str(r["M"]), str(r["N"]), f"{r['flops_per_interval']:.4g}",
          f"{r['microseconds_per_interval']:.3g}",
