@@ -89,7 +89,7 @@ def instances(report: Report, quick: bool) -> dict[tuple, dict]:
     report.say(
         "",
         "A sweep is one cost and gradient. Peak memory is that of the whole process; an idle one with these libraries",
-        "has about 190 MiB.",
+        "has about IDLE MiB.",
     )
     return found
 

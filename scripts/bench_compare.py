@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import resource
 import subprocess
 import sys
 import tempfile
@@ -16,6 +15,7 @@ from pathlib import Path
 from statistics import median
 
 from bench_peers import GAP, PEERS, Evaluator, Run, ours
+from bench_targets import peak_memory
 from instances import oscillators
 
 from occontrol.core.monitor import Monitor
@@ -117,7 +117,7 @@ def _peer(name: str, states: int, sensors: int, intervals: int, limit: float, se
     problem = oscillators(states, sensors, intervals, seed)
     ours(problem)  # compiled functions warm
     run = PEERS[name](problem, limit)
-    file.write_bytes(pickle.dumps((run, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10)))
+    file.write_bytes(pickle.dumps((run, peak_memory())))
 
 
 if __name__ == "__main__":

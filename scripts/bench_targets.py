@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from statistics import median
 
 import numpy as np
@@ -166,6 +166,16 @@ def crossover() -> list[dict]:
     return found
 
 
+def peak_memory() -> float:
+    """MiB that this process has held at its peak; Linux also lets getrusage show what its parent held when it began."""
+    status = Path("/proc/self/status")
+    if status.exists():
+        return next(float(x.split()[1]) for x in status.read_text().splitlines() if x.startswith("VmHWM")) / 2**10
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
+
+
 def solve_here(n: int, M: int, N: int, gap: float, seeds: list[int]) -> dict:
     """Relax instances in this process: seconds, sweeps and gap of each seed, peak memory of the process."""
     minimise_relaxed(Sweep(discretise(oscillators(n, 2, 4, 0))))  # compiled functions warm
@@ -184,7 +194,7 @@ def solve_here(n: int, M: int, N: int, gap: float, seeds: list[int]) -> dict:
                 "status": str(found.status),
             }
         )
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
+    peak = peak_memory()
     p, rows = len(sweep._root), sweep.recursion.rows.shape[1]
     floor = N * flops(n, rows, ACTIVE, p, sweep.small) * records[-1]["sweeps"]
     largest = {"store_MiB": 8 * N * n * (width(n) if sweep.small else n) / 2**20}

@@ -14,8 +14,8 @@ from occontrol.numerics.polytope import fill
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz", "reassoc"}, error_model="numpy")
-def _mixture(a, g, count, last, upper, select, rounds):
-    """The best bound of the first `count` cuts by entropic ascent on their shares, from cut `last`."""
+def _mixture(a, g, count, last, upper, select, rounds, wanted):
+    """The best bound of the first `count` cuts by entropic ascent on their shares, from cut `last`, up to `wanted`."""
     N, M = upper.shape
     shares, values = np.zeros(count), np.empty(count)
     shares[last] = 1.0
@@ -45,7 +45,7 @@ def _mixture(a, g, count, last, upper, select, rounds):
                 kept += shares[i]
             low, high = min(low, values[i]), max(high, values[i])
         best = max(best, total / kept)
-        if not high > low:
+        if not high > low or best >= wanted:
             break
         total = 0.0
         for i in range(count):
@@ -86,7 +86,7 @@ class Cuts:
         self._a[slot] = cost - float(np.vdot(self._g[slot], weights))
         self._next += 1
 
-    def bound(self, rounds: int = 50) -> float:
-        """The best mixture found in `rounds` steps of entropic ascent; valid whenever it stops."""
-        count = min(self._next, self.size)
-        return _mixture(self._a, self._g, count, (self._next - 1) % self.size, self.upper, self.select, rounds)
+    def bound(self, rounds: int = 50, wanted: float = np.inf) -> float:
+        """The best mixture of at most `rounds` steps of entropic ascent, up to `wanted`; valid whenever it stops."""
+        count, last = min(self._next, self.size), (self._next - 1) % self.size
+        return _mixture(self._a, self._g, count, last, self.upper, self.select, rounds, wanted)

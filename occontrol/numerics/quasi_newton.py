@@ -70,17 +70,17 @@ def _list_face(free, count, listed, ends):
 
 
 @njit(**_OPTIONS)
-def _on_face(x, first, stored, listed, ends, out, to):
-    """out[:, to : to + stored] <- rows of x[:, first : first + stored] on the face, less the mean of each interval."""
+def _on_face(x, listed, ends, out):
+    """out (size, c) <- the first c columns of x at the rows of the face, less the mean of each interval."""
     begin = 0
     for end in ends:
-        for i in range(stored):
+        for i in range(out.shape[1]):
             mean = 0.0
             for a in range(begin, end):
-                mean += x[listed[a], first + i]
+                mean += x[listed[a], i]
             mean /= end - begin
             for a in range(begin, end):
-                out[a, to + i] = x[listed[a], first + i] - mean
+                out[a, i] = x[listed[a], i] - mean
         begin = end
 
 
@@ -102,8 +102,8 @@ class FaceBFGS:
     def __init__(self, shape: tuple[int, int], memory: int = 20, first_length: float = 0.3):
         self.memory, self.first_length = memory, first_length
         size = shape[0] * shape[1]
-        self._pairs = np.zeros((size, 2 * memory))  # S beside Y: what a face needs of them stands together
-        self._SS, self._SY = np.zeros((memory, memory)), np.zeros((memory, memory))
+        self._pairs = np.zeros((size, 2 * memory))  # s, y, s, y, ..: what a face needs of them stands together
+        self._SS, self._SY, self._younger = (np.zeros((memory, memory)) for _ in range(3))
         self._free, self._count = np.empty(shape, dtype=np.bool_), np.empty(shape[0], dtype=np.int64)
         self._listed, self._ends = np.empty(size, dtype=np.int64), np.empty(shape[0], dtype=np.int64)
         self.reset()
@@ -125,11 +125,12 @@ class FaceBFGS:
             return
         slot = self._order.pop(0) if len(self._order) == memory else len(self._order)
         self._order.append(slot)
-        self._pairs[:, slot], self._pairs[:, memory + slot] = s, y
-        moved = np.flatnonzero(s)
-        products = s[moved] @ self._pairs[moved]
-        self._SS[slot] = self._SS[:, slot] = products[:memory]
-        self._SY[slot] = products[memory:]
+        self._pairs[:, 2 * slot], self._pairs[:, 2 * slot + 1] = s, y
+        moved, stored = np.flatnonzero(s), len(self._order)
+        products = s[moved] @ self._pairs[:, : 2 * stored][moved]
+        self._SS[slot, :stored] = self._SS[:stored, slot] = products[0::2]
+        self._SY[slot, :stored] = products[1::2]
+        self._younger[slot], self._younger[:, slot] = 1.0, 0.0
 
     def direction(self, weights: np.ndarray, gradient: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """The quasi-Newton direction (N, M) on the face of `weights`; a fresh array.
@@ -143,39 +144,40 @@ class FaceBFGS:
         size, rows = _list_face(self._free, self._count, self._listed, self._ends)
         listed, ends = self._listed[:size], self._ends[:rows]
         g = np.empty((size, 1))
-        _on_face(gradient.reshape(-1, 1), 0, 1, listed, ends, g, 0)
+        _on_face(gradient.reshape(-1, 1), listed, ends, g)
         found.reshape(-1)[listed] += self._step(g[:, 0], listed, ends)
         return found
 
     def _step(self, g: np.ndarray, listed: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """-B^-1 g on the plane of the face; a gradient step where no pair helps."""
-        order = np.array(self._order, dtype=np.int64)
-        m = len(order)
+        m = len(self._order)
         if m and len(g):
             W = np.empty((len(g), 2 * m))
-            _on_face(self._pairs, 0, m, listed, ends, W, 0)
-            _on_face(self._pairs, self.memory, m, listed, ends, W, m)
+            _on_face(self._pairs, listed, ends, W)
             inner = W.T @ W
-            # slots are in the order of age only until the memory is full
-            both = np.concatenate([order, m + order])
-            inner = inner[np.ix_(both, both)]
-            curvature = np.diag(inner[:m, m:])
-            steps, changes = np.diag(inner[:m, :m]), np.diag(inner[m:, m:])
-            useful = np.flatnonzero(curvature > CURVATURE * np.sqrt(steps * changes))
-            if len(useful):
-                gamma = changes[useful[-1]] / curvature[useful[-1]]
-                SS, SY = self._SS[np.ix_(order, order)], self._SY[np.ix_(order, order)]
-                L = np.tril(SY, -1)
-                K = np.block([[gamma * SS, L], [L.T, -np.diag(np.diag(SY))]])
-                units = np.concatenate([np.full(m, gamma), np.ones(m)])
-                scale = 1.0 / np.sqrt(np.abs(np.diag(K)))
-                system = (K - units[:, None] * inner * (units / gamma)) * scale[:, None] * scale
-                right = scale * units * (g @ W)[both]
+            diagonal = np.diagonal(inner).copy()
+            curvature = np.diagonal(inner, 1)[::2]  # s'y on the face
+            useful = curvature > CURVATURE * np.sqrt(diagonal[0::2] * diagonal[1::2])
+            newest = next((slot for slot in reversed(self._order) if useful[slot]), None)
+            if newest is not None:
+                gamma = diagonal[2 * newest + 1] / curvature[newest]
+                # K - W'W / gamma in the units in which gamma S'S and D have a diagonal of ones
+                whole = np.diagonal(self._SY)[:m]
+                units = np.empty(2 * m)
+                units[0::2] = np.sqrt(gamma / np.diagonal(self._SS)[:m])
+                units[1::2] = 1.0 / np.sqrt(whole)
+                older = self._SY[:m, :m] * self._younger[:m, :m]
+                inner *= -1.0
+                inner[0::2, 0::2] += self._SS[:m, :m]
+                inner[0::2, 1::2] += older
+                inner[1::2, 0::2] += older.T
+                inner.flat[2 * m + 1 :: 4 * m + 2] -= gamma * whole
+                inner *= units[:, None] * (units / gamma)
                 try:
-                    z = units * scale * np.linalg.solve(system, right)
+                    z = np.linalg.solve(inner, units * (g @ W))
                 except np.linalg.LinAlgError:
                     z = np.full(2 * m, np.nan)
-                step = -(g + W @ z[np.argsort(both)] / gamma) / gamma
+                step = -(g + W @ (units * z) / gamma) / gamma
                 if step @ g < 0.0:
                     return step
         largest = np.max(np.abs(g), initial=0.0)

@@ -95,7 +95,7 @@ def minimise_relaxed(
         monitor.report(iteration, J, bound)
         target = options.relative_gap * abs(J)
         if J - bound > target and J - bound < 3.0 * target:
-            bound = max(bound, cuts.bound())
+            bound = max(bound, cuts.bound(wanted=J - target))
         if J - bound <= target:
             status = Status.CERTIFIED
             break
