@@ -188,7 +188,7 @@ def test_polishing_one_by_one_stops_when_asked(
 
     (tmp_path / "x.yaml").write_text(small_text.replace("output:", "running: {diag: [0.1, 0.2]}, output:"))
     sweep = Sweep(discretise(occontrol.read_problem(tmp_path / "x.yaml")))
-    assert not sweep.has_products  # a running weight
+    assert sweep.dense  # a running weight
     start = round_robin(sweep.recursion)
     assert polish(sweep, start).cost < sweep.cost(start)
     calls: list[str] = []
