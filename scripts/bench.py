@@ -88,8 +88,8 @@ def instances(report: Report, quick: bool) -> dict[tuple, dict]:
     report.table("Instances: our relaxation", head, rows)
     report.say(
         "",
-        "A sweep is one cost and gradient. Peak memory is that of the whole process; the first row shows what the libraries",
-        "alone take.",
+        "A sweep is one cost and gradient. Peak memory is that of the whole process; the first row shows what the",
+        "libraries alone take.",
     )
     return found
 
