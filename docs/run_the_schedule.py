@@ -1,7 +1,7 @@
 """Run the matched filter of an exported schedule with NumPy alone: no other package is needed on the target.
 
-    occontrol export RUN --to npz --out run.npz        (or --to json --out run.json)
-    python run_the_schedule.py run.npz measurements.csv estimate.csv
+occontrol export RUN --to npz --out run.npz        (or --to json --out run.json)
+python run_the_schedule.py run.npz measurements.csv estimate.csv
 """
 
 import csv

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occontrol.numerics import kernels, kernels_blas
+from occontrol.numerics import kernels, kernels_blas, kernels_blas_back
 from occontrol.numerics.discretise import HalfPredicts, Recursion
 from occontrol.numerics.vectors import padded, width
 
@@ -85,7 +85,7 @@ class Sweep:
                 self._columns = padded(np.swapaxes(r.rows, 1, 2))
                 self._rows_work = np.empty((p, w)), np.empty((p, width(rows)))
             else:
-                self._U = np.empty((max(1, kernels_blas.WAITING // p) * p, n))
+                self._U = np.empty((max(1, kernels_blas_back.WAITING // p) * p, n))
                 self._rows_work = (
                     np.empty((rows, n)), np.empty((p, n)), np.empty(p * rows), np.empty(rows, dtype=np.int64),
                     np.empty(r.sensors, dtype=np.bool_), np.empty(len(self._U) * rows),
@@ -147,14 +147,14 @@ class Sweep:
                 front = (k0, k1, P, self._T, self._F, self._FT, r.predict, self._rows)
                 kernels.backward_small_dense(*front, *tail)
             else:
-                kernels_blas.backward_large_dense(k0, k1, P, self._T, self._F, r.predict, self._rows, *tail)
+                kernels_blas_back.backward_large_dense(k0, k1, P, self._T, self._F, r.predict, self._rows, *tail)
             return
         front = (k0, k1, P, self._U, self._F, r.predict, self._rows)
         tail = (*common, self._store, gradient, *self._rows_work, self._products)
         if self.small:
             kernels.backward_small(*front, self._columns, *tail)
         else:
-            kernels_blas.backward_large(*front, *tail)
+            kernels_blas_back.backward_large(*front, *tail)
 
     @property
     def keeps_all(self) -> bool:
