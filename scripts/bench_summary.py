@@ -123,7 +123,7 @@ def _others(quick: bool) -> list[list[str]]:
             rows.append([name, NOT_RUN])
             continue
         try:
-            records = import_module(f"bench_{name}").rows(True)
+            records = import_module(f"bench_{name}").rows(name != "precision")
         except ModuleNotFoundError:
             continue
         rows += [[name, ", ".join(f"{k}: {_text(v)}" for k, v in record.items())] for record in records]

@@ -183,7 +183,9 @@ def convergence_panel(axes: Axes, history: Sequence[Mapping[str, Any]], target: 
         # the stages differ in what they vary (shares, then schedules), so their costs are not one curve
         marker = "D" if np.sum(here) == 1 else "o" if len(gap) <= 60 else None
         colour = style.PALETTE[i % len(style.PALETTE)]
-        axes.plot(steps[here], gap[here], color=colour, marker=marker, markersize=4, label=stage or None)
+        # several rounded policies are polished one after the other: the best so far
+        shown = np.fmin.accumulate(gap[here]) if stage == "polish" else gap[here]
+        axes.plot(steps[here], shown, color=colour, marker=marker, markersize=4, label=stage or None)
     if target:
         axes.axhline(target, color=style.GREY, linestyle="--", linewidth=1)
         axes.annotate(" target", (steps[0], target), va="bottom", fontsize=9, color="#666666")
