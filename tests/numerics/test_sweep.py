@@ -207,6 +207,19 @@ def test_with_a_running_weight_an_exchange_saves_at_least_what_is_said(rows):
         assert np.all(trial >= 0) and np.all(trial <= r.upper)
         changes.append(Sweep(r).cost(trial) - J)
     assert np.all(changes <= gain[gain < 0] + 1e-10 * abs(J))
-    # and on the last interval, after which there is nothing concave, exactly that
-    if gain[-1] < 0:
-        assert changes[-1] == pytest.approx(gain[-1], rel=1e-8)
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_on_the_last_interval_an_exchange_saves_exactly_what_is_said(rows):
+    """After it there is nothing concave: the covariance enters the rest of the cost linearly."""
+    problem = random_problem(11, running=True, rows=rows, intervals=1, sensors=4)
+    sweep = Sweep(discretise(problem))
+    costs = [sweep.cost(np.eye(4)[None, j]) for j in range(4)]
+    for j in range(4):
+        J, _ = sweep.cost_and_gradient(np.eye(4)[None, j])
+        (gain,), (leaving,), (entering,) = best_exchanges(sweep, np.eye(4)[None, j])
+        if costs[j] == min(costs):
+            assert (gain, leaving, entering) == (0.0, -1, -1)
+        else:
+            assert (leaving, entering) == (j, int(np.argmin(costs)))
+            assert gain == pytest.approx(min(costs) - J, rel=1e-8)
