@@ -14,8 +14,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from occontrol.calls import certify, plot, run_filter, simulate, solve, tradeoff
-    from occontrol.core.discrete_sensor import DiscreteSensor, Region
+    from occontrol.api import certify, plot, run_filter, simulate, solve, tradeoff
     from occontrol.core.errors import (
         FileAccessError,
         InfeasibleError,
@@ -24,32 +23,15 @@ if TYPE_CHECKING:
         SolveFailed,
         UsageError,
     )
-    from occontrol.core.guard import Guard, Threshold
-    from occontrol.core.jump_plant import JumpPlant, Mode
-    from occontrol.core.jump_sensor import JumpSensor
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.monitor import Monitor
-    from occontrol.core.nonlinear_measurement import NonlinearMeasurement
-    from occontrol.core.nonlinear_plant import NonlinearPlant
     from occontrol.core.plant import DiscretePlant, LinearPlant
     from occontrol.core.schedule import Schedule
-    from occontrol.core.scheduling import SchedulingProblem
     from occontrol.core.sensor import Sensor, SensorSuite, idle_sensor
     from occontrol.core.solution import Certificate, Solution, Status
     from occontrol.core.trajectory import Trajectory
-    from occontrol.core.uncertain_plant import UncertainPlant
-    from occontrol.families.robust_problem import SwitchingProblem
-    from occontrol.families.vlambda_problem import SelectionProblem
-    from occontrol.files.data_files import read_measurements, read_schedule
-    from occontrol.files.export import export_run
-    from occontrol.files.problem_file import read_problem
-    from occontrol.files.run_folder import read_run, write_run
-    from occontrol.filtering.eigenfactor_online import OnlineSelector
-    from occontrol.filtering.ensemble import EnsembleFilter
-    from occontrol.filtering.online import MatchedFilter
-    from occontrol.filtering.online_switching import OnlineSwitching
-    from occontrol.filtering.unscented import UnscentedFilter
-    from occontrol.solvers.options import (
+    from occontrol.families.athans.filter.online import MatchedFilter
+    from occontrol.families.athans.methods import (
         BestSingle,
         Collocation,
         Greedy,
@@ -59,6 +41,24 @@ if TYPE_CHECKING:
         RelaxRoundPolish,
         RoundRobin,
     )
+    from occontrol.families.athans.problem import SchedulingProblem
+    from occontrol.families.hybrid.guard import Guard, Threshold
+    from occontrol.families.hybrid.plant import JumpPlant, Mode
+    from occontrol.families.hybrid.sensor import JumpSensor
+    from occontrol.families.precision.ensemble import EnsembleFilter
+    from occontrol.families.precision.measurement import NonlinearMeasurement
+    from occontrol.families.precision.plant import NonlinearPlant
+    from occontrol.families.precision.unscented import UnscentedFilter
+    from occontrol.families.robust.online import OnlineSwitching
+    from occontrol.families.robust.plant import UncertainPlant
+    from occontrol.families.robust.problem import SwitchingProblem
+    from occontrol.families.vlambda.online import OnlineSelector
+    from occontrol.families.vlambda.problem import SelectionProblem
+    from occontrol.families.vlambda.sensor import DiscreteSensor, Region
+    from occontrol.files.data_files import read_measurements, read_schedule
+    from occontrol.files.export import export_run
+    from occontrol.files.problem_file import read_problem
+    from occontrol.files.run_folder import read_run, write_run
 
 # module: the public names that it holds
 _HOME = {
@@ -74,26 +74,26 @@ _HOME = {
     "core.monitor": ("Monitor",),
     "core.plant": ("LinearPlant", "DiscretePlant"),
     "core.schedule": ("Schedule",),
-    "core.scheduling": ("SchedulingProblem",),
-    "core.discrete_sensor": ("DiscreteSensor", "Region"),
+    "families.athans.problem": ("SchedulingProblem",),
+    "families.vlambda.sensor": ("DiscreteSensor", "Region"),
     "core.sensor": ("Sensor", "SensorSuite", "idle_sensor"),
     "core.solution": ("Solution", "Certificate", "Status"),
     "core.trajectory": ("Trajectory",),
-    "core.uncertain_plant": ("UncertainPlant",),
-    "core.jump_plant": ("JumpPlant", "Mode"),
-    "core.jump_sensor": ("JumpSensor",),
-    "core.guard": ("Guard", "Threshold"),
-    "core.nonlinear_plant": ("NonlinearPlant",),
-    "core.nonlinear_measurement": ("NonlinearMeasurement",),
-    "filtering.ensemble": ("EnsembleFilter",),
-    "filtering.unscented": ("UnscentedFilter",),
-    "families.robust_problem": ("SwitchingProblem",),
-    "filtering.online_switching": ("OnlineSwitching",),
-    "families.vlambda_problem": ("SelectionProblem",),
-    "calls": ("solve", "certify", "simulate", "run_filter", "tradeoff", "plot"),
-    "filtering.online": ("MatchedFilter",),
-    "filtering.eigenfactor_online": ("OnlineSelector",),
-    "solvers.options": (
+    "families.robust.plant": ("UncertainPlant",),
+    "families.hybrid.plant": ("JumpPlant", "Mode"),
+    "families.hybrid.sensor": ("JumpSensor",),
+    "families.hybrid.guard": ("Guard", "Threshold"),
+    "families.precision.plant": ("NonlinearPlant",),
+    "families.precision.measurement": ("NonlinearMeasurement",),
+    "families.precision.ensemble": ("EnsembleFilter",),
+    "families.precision.unscented": ("UnscentedFilter",),
+    "families.robust.problem": ("SwitchingProblem",),
+    "families.robust.online": ("OnlineSwitching",),
+    "families.vlambda.problem": ("SelectionProblem",),
+    "api": ("solve", "certify", "simulate", "run_filter", "tradeoff", "plot"),
+    "families.athans.filter.online": ("MatchedFilter",),
+    "families.vlambda.online": ("OnlineSelector",),
+    "families.athans.methods": (
         "RelaxRoundPolish",
         "HMinimal",
         "Relaxed",

@@ -19,9 +19,9 @@ from bench_targets import peak_memory
 from instances import oscillators
 
 from occontrol.core.monitor import Monitor
-from occontrol.numerics.discretise import discretise
-from occontrol.numerics.sweep import Sweep
-from occontrol.solvers.relaxed import RelaxedOptions, minimise_relaxed
+from occontrol.families.athans.discretise import discretise
+from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
+from occontrol.scheduling.sweep import Sweep
 
 REPEATS = 5
 QUICK_SECONDS = 6.0  # runs shorter than that are repeated

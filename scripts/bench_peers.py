@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from occontrol.core.monitor import Monitor
-from occontrol.core.scheduling import SchedulingProblem
-from occontrol.numerics.discretise import Recursion, discretise, half_predicts
-from occontrol.numerics.polytope import excess, project
-from occontrol.numerics.sweep import Sweep, node_path
-from occontrol.solvers.relaxed import RelaxedOptions, minimise_relaxed
+from occontrol.families.athans.discretise import Recursion, discretise, half_predicts
+from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.scheduling.polytope import excess, project
+from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
+from occontrol.scheduling.sweep import Sweep, node_path
 
 GAP = 1e-4
 MARKS = 60  # policies of one run that are scored at most
@@ -89,8 +89,8 @@ def ours(problem: SchedulingProblem, gap: float = GAP) -> Run:
 
 def collocation(problem: SchedulingProblem, limit: float) -> Run:
     """The project's own Ipopt collocation; only its last policy is scored."""
-    from occontrol.solvers.collocation import solve_collocation
-    from occontrol.solvers.options import Collocation
+    from occontrol.families.athans.collocation.solve import solve_collocation
+    from occontrol.families.athans.methods import Collocation
 
     started = time.perf_counter()
     found = solve_collocation(problem, Collocation(), Monitor(time_limit=limit))

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.core.nonlinear_measurement import NonlinearMeasurement
-from occontrol.core.nonlinear_plant import NonlinearPlant
-from occontrol.families.precision import Problem
-from occontrol.families.precision_text import first_moments
+from occontrol.families.precision.ensemble import EnsembleFilter
+from occontrol.families.precision.family import Problem
+from occontrol.families.precision.measurement import NonlinearMeasurement
+from occontrol.families.precision.normal_form import NormalForm, reduced_form
+from occontrol.families.precision.plant import NonlinearPlant
+from occontrol.families.precision.program import PrecisionProgram, examine, solve_program
+from occontrol.families.precision.text import first_moments
 from occontrol.files.problem_file import read_problem
-from occontrol.filtering.ensemble import EnsembleFilter
-from occontrol.solvers.precision_normal import NormalForm, reduced_form
-from occontrol.solvers.precision_program import PrecisionProgram, examine, solve_program
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 

@@ -17,11 +17,11 @@ from statistics import median
 import numpy as np
 from instances import oscillators
 
-from occontrol.numerics import kernels_blas
-from occontrol.numerics.discretise import discretise
-from occontrol.numerics.sweep import SMALL, Sweep
-from occontrol.numerics.vectors import WIDTH, width
-from occontrol.solvers.relaxed import RelaxedOptions, minimise_relaxed
+from occontrol.families.athans.discretise import discretise
+from occontrol.scheduling import kernels_blas
+from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
+from occontrol.scheduling.sweep import SMALL, Sweep
+from occontrol.scheduling.vectors import WIDTH, width
 
 REPEATS = 9
 ACTIVE = 2  # sensors that share every interval of the measured policies

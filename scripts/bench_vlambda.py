@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.families.vlambda import solve
+from occontrol.families.vlambda.candidates import candidate_set
+from occontrol.families.vlambda.family import solve
+from occontrol.families.vlambda.filter import EigenfactorFilter
+from occontrol.families.vlambda.methods import Optimal
+from occontrol.families.vlambda.sequence_search import SequenceProblem, search
 from occontrol.files.problem_file import read_problem
-from occontrol.filtering.eigenfactor_filter import EigenfactorFilter
-from occontrol.solvers.candidates import candidate_set
-from occontrol.solvers.choosers import Optimal
-from occontrol.solvers.sequence_search import SequenceProblem, search
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 REPEATS = 5
@@ -70,7 +70,7 @@ def _filters(n: int, m: int, steps: int) -> dict[str, Any]:
 
 def _enumerate(problem: SequenceProblem, epochs: int) -> float:
     """Every sequence of the first `epochs` epochs by depth-first search without any cut; the smallest cost."""
-    from occontrol.numerics.epoch_kernel import expand
+    from occontrol.families.vlambda.epoch_kernel import expand
 
     def below(root: np.ndarray, epoch: int) -> float:
         if epoch == epochs:

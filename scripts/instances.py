@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.plant import LinearPlant
-from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.sensor import Sensor
+from occontrol.families.athans.problem import SchedulingProblem
 
 
 def oscillators(states: int, sensors: int, intervals: int, seed: int, running: bool = False) -> SchedulingProblem:

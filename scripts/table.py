@@ -15,7 +15,7 @@ import os
 import platform
 from pathlib import Path
 
-from occontrol.calls import choose_method, solve
+from occontrol.api import choose_method, solve
 from occontrol.core.errors import OccontrolError
 from occontrol.core.solution import Solution, versions
 
@@ -65,7 +65,7 @@ def row(name: str, problem, method: str, solution: Solution | str) -> list[str]:
 
 def main() -> None:
     """Fill the table."""
-    from occontrol.families.athans import METHODS
+    from occontrol.families.athans.family import METHODS
     from occontrol.files.problem_file import read_problem
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -6,15 +6,15 @@ import pytest
 from occontrol.core.monitor import Monitor
 from occontrol.core.plant import LinearPlant
 from occontrol.core.schedule import Schedule
-from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.solution import Status
-from occontrol.numerics.discretise import discretise, half_predicts
-from occontrol.numerics.sweep import Sweep
-from occontrol.solvers.collocation import solve_collocation
-from occontrol.solvers.options import Collocation
-from occontrol.solvers.reintegration import reintegrate
-from occontrol.solvers.relaxed import RelaxedOptions, minimise_relaxed
+from occontrol.families.athans.collocation.solve import solve_collocation
+from occontrol.families.athans.continuous.reintegration import reintegrate
+from occontrol.families.athans.discretise import discretise, half_predicts
+from occontrol.families.athans.methods import Collocation
+from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
+from occontrol.scheduling.sweep import Sweep
 
 
 def coupled_oscillators(intervals, masses=3, sensors=4, prior=5.0):

@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "occontrol"
-FLOORS = ["core", "numerics", "equations", "solvers", "filtering", "families", "files", "calls", "cli"]
+FLOORS = [["core"], ["numerics"], ["scheduling", "files"], ["families"], ["api", "studies"], ["cli"]]
+# what the move alone leaves to be cut
+STILL = (
+    "families/robust/bound", "families/robust/data", "families/robust/family", "families/robust/result",
+    "files/export/contents", "files/figures/estimates", "files/report", "files/schema/__init__",
+    "files/schema/json_schema", "scheduling/baselines", "scheduling/sweep",
+)  # fmt: skip
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py")
 
 
@@ -29,24 +35,39 @@ def imported(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def floor(parts: list[str]) -> int:
-    return FLOORS.index(parts[0])
+    """The floor of a module, counted from below; ValueError for one that stands on none."""
+    return next(i for i, rooms in enumerate(FLOORS) if parts[0] in rooms)
 
 
-def family(parts: list[str]) -> str | None:
-    """hybrid for families/hybrid.py and families/hybrid_runs.py; None for the table of families."""
-    return parts[1].split("_")[0] if parts[0] == "families" and len(parts) > 1 and parts[1] != "__init__" else None
+def room(parts: list[str]) -> str:
+    """core, scheduling, families/robust, ...: the family is a room of its own, the table of families too."""
+    return "/".join(parts[:2]) if parts[0] == "families" and is_family(parts) else parts[0]
+
+
+def is_family(parts: list[str]) -> bool:
+    """Whether a module belongs to one family."""
+    return parts[0] == "families" and len(parts) > 1 and (PACKAGE / "families" / parts[1]).is_dir()
+
+
+def edges() -> Iterator[tuple[str, list[str], list[str]]]:
+    """Place, importing module and imported module of every import in the package."""
+    for path in FILES:
+        own = list(path.relative_to(PACKAGE).with_suffix("").parts)
+        for line, name in imported(ast.parse(path.read_text(encoding="utf-8"))):
+            if other := name.split(".")[1:]:
+                yield f"{'/'.join(own)}.py:{line}", own, other
 
 
 @pytest.mark.parametrize("path", FILES, ids=[str(p.relative_to(PACKAGE)) for p in FILES])
-def test_a_file_imports_only_downwards(path: Path) -> None:
+def test_a_file_imports_only_downwards_and_a_family_never_another(path: Path) -> None:
     own = list(path.relative_to(PACKAGE).with_suffix("").parts)
+    if "/".join(own) in STILL:
+        pytest.xfail("to be cut")
     for line, name in imported(ast.parse(path.read_text(encoding="utf-8"))):
         other = name.split(".")[1:]
-        if not other or other[0] not in FLOORS:
-            raise AssertionError(f"{path.name}:{line} imports {name}, which stands on no floor")
-        assert floor(other) <= floor(own), f"{path.name}:{line} on floor {own[0]} imports {name} from above"
-        if family(own) and (PACKAGE / "families" / f"{other[-1] if len(other) < 3 else other[1]}.py").exists():
-            assert family(other) in (None, family(own)), f"{path.name}:{line} imports another family: {name}"
+        place = f"{path.name}:{line} imports {name}"
+        assert floor(other) <= floor(own), f"{place}, from above"
+        assert not (is_family(own) and is_family(other)) or own[1] == other[1], f"{place}, another family"
 
 
 def test_the_check_sees_imports_inside_functions_and_by_name() -> None:

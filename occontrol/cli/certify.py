@@ -26,8 +26,8 @@ def certify(
     """Recompute cost, lower bound and gap of a schedule from the problem alone."""
     from dataclasses import replace
 
-    from occontrol.calls import ability
-    from occontrol.calls import certify as call_certify
+    from occontrol.api import ability
+    from occontrol.api import certify as call_certify
     from occontrol.core.errors import ProblemError, UsageError
     from occontrol.core.solution import Status
     from occontrol.families import family_module

@@ -26,7 +26,7 @@ def compare(
     json: JsonFlag = False,
 ) -> int:
     """Solve one problem with several methods and set them side by side."""
-    from occontrol.calls import choose_method
+    from occontrol.api import choose_method
     from occontrol.cli.watch import exit_code, watched
     from occontrol.core.errors import SolveFailed, UsageError
     from occontrol.core.monitor import Monitor

@@ -18,7 +18,7 @@ def export(
     ] = None,
 ) -> int:
     """Write schedule, gains, covariance and the rest of a run for another tool."""
-    from occontrol.calls import suggest
+    from occontrol.api import suggest
     from occontrol.core.errors import UsageError
     from occontrol.files.export import FORMATS, export_run
 

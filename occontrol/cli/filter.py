@@ -30,7 +30,7 @@ def filter_measurements(
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw pictures beside the CSV.")] = True,
 ) -> int:
     """Estimate the state, and predict the output, from a file of measurements; the run folder is all it needs."""
-    from occontrol.calls import run_filter
+    from occontrol.api import run_filter
     from occontrol.core.errors import ProblemError
     from occontrol.families import family_module
     from occontrol.files.data_files import read_measurements
@@ -67,7 +67,7 @@ def _in_file(mistake: Any, file: Path) -> Any:
 
 
 def _truth_remark(estimate: Any, truth: Trajectory, source: Any) -> str:
-    from occontrol.filtering.consistency import judge_run
+    from occontrol.families.athans.filter.consistency import judge_run
 
     judged = judge_run(estimate, truth)
     if not judged.degrees.any():

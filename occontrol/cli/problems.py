@@ -61,13 +61,13 @@ def init(
     ] = None,
 ) -> int:
     """Write a commented problem file that solves as it stands; never over an existing file."""
-    from occontrol.calls import suggest
+    from occontrol.api import suggest
     from occontrol.core.errors import FileAccessError, UsageError
     from occontrol.families import FAMILIES
 
     if family not in FAMILIES:
         raise UsageError(f"there is no family '{family}'\n  hint: {suggest(family, FAMILIES)}")
-    template = Path(__file__).parents[1] / "files" / "templates" / f"{family}.yaml"
+    template = Path(__file__).parents[1] / "families" / family / "template.yaml"
     if not template.exists():
         raise UsageError(f"there is no template for family {family} yet")
     target = file or Path(f"{family}.yaml")

@@ -22,7 +22,7 @@ def simulate(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random generator.")] = 0,
 ) -> int:
     """Simulate the plant and the scheduled sensors; the truth goes beside the measurements."""
-    from occontrol.calls import simulate as call_simulate
+    from occontrol.api import simulate as call_simulate
     from occontrol.cli.watch import watched
     from occontrol.core.errors import FileAccessError, ProblemError
     from occontrol.files.plain_json import to_json

@@ -91,8 +91,8 @@ def run_method(problem: Any, name: str | None, monitor: Watched) -> Solution:
     name : method name, or None
     monitor : Watched
     """
-    from occontrol.calls import choose_method
-    from occontrol.calls import solve as call_solve
+    from occontrol.api import choose_method
+    from occontrol.api import solve as call_solve
 
     method = None if name is None else choose_method(problem, name)
     options = method if method is not None else getattr(problem, "method", None)

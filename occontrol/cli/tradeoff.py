@@ -23,9 +23,9 @@ def tradeoff(
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the figures.")] = True,
 ) -> int:
     """Solve over a range of cost weights alpha: what a better prediction costs."""
-    from occontrol.calls import tradeoff as trace
+    from occontrol.api import tradeoff as trace
     from occontrol.cli.watch import exit_code, watched
-    from occontrol.files.front_folder import write_front
+    from occontrol.families.athans.front_folder import write_front
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import check_writable
 

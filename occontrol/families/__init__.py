@@ -28,4 +28,4 @@ def family_module(name: str) -> ModuleType:
     """The module of a family, imported only when it is used; KeyError for an unknown name."""
     if name not in FAMILIES:
         raise KeyError(name)
-    return importlib.import_module(f"occontrol.families.{name}")
+    return importlib.import_module(f"occontrol.families.{name}.family")

@@ -15,15 +15,15 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from occontrol.equations.moments import Moments
-from occontrol.families.precision import Problem
-from occontrol.families.precision_text import first_moments
+from occontrol.families.precision.ensemble import EnsembleFilter
+from occontrol.families.precision.family import Problem
+from occontrol.families.precision.moments import Moments
+from occontrol.families.precision.program import PrecisionResult, solve_program
+from occontrol.families.precision.text import first_moments
+from occontrol.families.precision.unscented import UnscentedFilter
 from occontrol.files.figures import save
 from occontrol.files.figures.style import SLIDE, house_style, new_figure
 from occontrol.files.problem_file import read_problem
-from occontrol.filtering.ensemble import EnsembleFilter
-from occontrol.filtering.unscented import UnscentedFilter
-from occontrol.solvers.precision_program import PrecisionResult, solve_program
 
 PROBLEM = Path(__file__).parents[2] / "problems" / "lorenz96_enkf.yaml"
 # number: (title, filter, batch, cap, number of bounds)

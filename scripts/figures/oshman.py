@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from occontrol.calls import solve
-from occontrol.families.vlambda import method_named
+from occontrol.api import solve
+from occontrol.families.vlambda.family import method_named
 from occontrol.files.figures import compare_figure, save, style
 from occontrol.files.figures.style import tidy_time_axis
 from occontrol.files.problem_file import read_problem

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import occontrol
-from occontrol.calls import choose_method
+from occontrol.api import choose_method
 from occontrol.cli import run
 from occontrol.core.errors import SolveFailed, UsageError
 from occontrol.core.solution import Solution, Status
@@ -57,7 +57,7 @@ def test_init_writes_a_problem_that_reads_and_never_over_a_file(capsys: Captured
 def test_check_tells_sizes_and_observability_and_solves_nothing(
     small_file: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("occontrol.families.athans.solve", None)
+    monkeypatch.setattr("occontrol.families.athans.family.solve", None)
     assert run(["check", str(small_file)]) == 0
     text = capsys.readouterr().out
     for words in ("two radars", "2 states", "40 intervals", "rank 2 of 2", "availability", "work"):
@@ -143,7 +143,7 @@ def test_a_disagreement_ends_with_7_and_is_written(
     small_file: Path, small_solution: Solution, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wrong = dataclasses.replace(small_solution, status=Status.DISAGREES, message="the integrator says 3")
-    monkeypatch.setattr("occontrol.families.athans.solve", lambda *_: wrong)
+    monkeypatch.setattr("occontrol.families.athans.family.solve", lambda *_: wrong)
     assert run(["solve", str(small_file), "--json", "--no-figures"]) == 7
     assert json.loads(capsys.readouterr().out)["status"] == "disagrees"
     assert read_run("runs/radars")[1].status is Status.DISAGREES
@@ -155,7 +155,7 @@ def test_a_failed_solver_ends_with_6_without_a_run_folder(
     def fail(*_: object) -> None:
         raise SolveFailed("no step was acceptable\n  hint: raise max_iterations")
 
-    monkeypatch.setattr("occontrol.families.athans.solve", fail)
+    monkeypatch.setattr("occontrol.families.athans.family.solve", fail)
     assert run(["solve", str(small_file)]) == 6
     assert "hint: raise max_iterations" in capsys.readouterr().err
     assert not Path("runs").exists()
@@ -167,7 +167,7 @@ def test_the_unexpected_ends_with_6_and_one_message(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("by\nnothing")
 
-    monkeypatch.setattr("occontrol.families.athans.solve", fail)
+    monkeypatch.setattr("occontrol.families.athans.family.solve", fail)
     monkeypatch.delenv("OCCONTROL_DEBUG", raising=False)
     assert run(["solve", str(small_file)]) == 6
     err = capsys.readouterr().err

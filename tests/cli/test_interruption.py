@@ -181,10 +181,10 @@ def test_polishing_one_by_one_stops_when_asked(
 ) -> None:
     import occontrol
     from occontrol.core.monitor import Monitor
-    from occontrol.numerics.discretise import discretise
-    from occontrol.numerics.sweep import Sweep
-    from occontrol.solvers.baselines import round_robin
-    from occontrol.solvers.hminimal import polish
+    from occontrol.families.athans.discretise import discretise
+    from occontrol.scheduling.baselines import round_robin
+    from occontrol.scheduling.hminimal import polish
+    from occontrol.scheduling.sweep import Sweep
 
     (tmp_path / "x.yaml").write_text(small_text.replace("output:", "running: {diag: [0.1, 0.2]}, output:"))
     sweep = Sweep(discretise(occontrol.read_problem(tmp_path / "x.yaml")))

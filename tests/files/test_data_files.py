@@ -12,9 +12,9 @@ from occontrol.core.errors import FileAccessError, ProblemError
 from occontrol.core.measurement import Measurement
 from occontrol.core.plant import LinearPlant
 from occontrol.core.schedule import Schedule
-from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.solution import Solution, Status
+from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.files.data_files import read_measurements, read_schedule
 from occontrol.files.problem_file import read_problem
 from occontrol.files.run_folder import write_run

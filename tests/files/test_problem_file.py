@@ -11,10 +11,10 @@ import pytest
 import occontrol.core.sensor as sensors
 from occontrol.core.errors import ProblemError
 from occontrol.core.plant import LinearPlant
-from occontrol.core.scheduling import SchedulingProblem
 from occontrol.core.signal import TableSignal
+from occontrol.families.athans.methods import HMinimal, Relaxed
+from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.files.problem_file import document, read_problem
-from occontrol.solvers.options import HMinimal, Relaxed
 
 FULL = """\
 family: athans
@@ -210,7 +210,7 @@ def test_shipped_problems_survive_the_round_trip(tmp_path):
 
 
 def test_template_is_a_problem():
-    template = Path(sensors.__file__).parents[1] / "files" / "templates" / "athans.yaml"
+    template = Path(sensors.__file__).parents[1] / "families" / "athans" / "template.yaml"
     read_problem(template).require_feasible()
 
 

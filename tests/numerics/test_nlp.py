@@ -12,7 +12,7 @@ import pytest
 from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
-from occontrol.numerics.collocation_points import butcher_table
+from occontrol.families.athans.collocation.points import butcher_table
 from occontrol.numerics.nlp import IPOPT_STATUS, IpoptOptions, Program, interruptible, solve_nlp
 
 

@@ -10,7 +10,7 @@ from occontrol.core.solution import Solution
 
 
 def filter_arrays(problem: Any, solution: Solution) -> dict[str, np.ndarray]:
-    """The tables of the matched filter (see filtering/tables.py); empty for families without one.
+    """The tables of the matched filter (see families/athans/filter/tables.py); empty for families without one.
 
     Parameters
     ----------
@@ -19,6 +19,6 @@ def filter_arrays(problem: Any, solution: Solution) -> dict[str, np.ndarray]:
     """
     if problem.family != "athans" or solution.schedule is None:
         return {}
-    from occontrol.filtering.tables import filter_tables
+    from occontrol.families.athans.filter.tables import filter_tables
 
     return filter_tables(problem, solution.schedule)

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 def _module(family: str) -> Any:
     try:
-        return importlib.import_module(f"occontrol.files.figures.{family}")
+        return importlib.import_module(f"occontrol.families.{family}.figures")
     except ModuleNotFoundError as error:
-        if error.name != f"occontrol.files.figures.{family}":
+        if error.name != f"occontrol.families.{family}.figures":
             raise
         return None
 

@@ -148,7 +148,7 @@ def _prediction(problem, schedule: Schedule | None, estimate: Estimate, truth: T
 
 def _consistency(problem, estimate: Estimate, truth: Trajectory | None) -> Figure:
     """NIS averaged over groups of samples and, with a truth, NEES at every time; each with its 99 % band."""
-    from occontrol.filtering.consistency import average_band, judge_run
+    from occontrol.families.athans.filter.consistency import average_band, judge_run
 
     subtitle = "filter consistency: 1 is right; 99 % of the points belong into the band"
     figure = style.new_figure((13.33, 4.2 if truth is None else 6.5), problem.name, subtitle)

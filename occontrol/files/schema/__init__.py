@@ -7,7 +7,7 @@ from types import ModuleType
 
 from occontrol.families import FAMILIES
 
-SCHEMAS = {family: f"occontrol.files.schema.{family}" for family in FAMILIES}
+SCHEMAS = {family: f"occontrol.families.{family}.schema" for family in FAMILIES}
 
 
 def schema_for(family: str) -> ModuleType:

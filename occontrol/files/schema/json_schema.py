@@ -38,7 +38,7 @@ def _method(name: str, options: type) -> dict[str, Any]:
 
 def shipped(family: str) -> Path:
     """Where the family's JSON Schema lies in the package."""
-    return Path(__file__).with_name(f"{family}.json")
+    return Path(__file__).parents[2] / "families" / family / "schema.json"
 
 
 def text(family: str) -> str:

@@ -1,0 +1,184 @@
+"""A plant, sensors and a grid become a Recursion: Strang splitting that keeps the covariance positive semidefinite.
+
+Per interval k of length h_k:   half predict,  update with information h_k sum_j v_kj L_j,  half predict,
+    predict  S <- F S F' + Q          update  S+ = (S^-1 + h L)^-1
+Neighbouring half predicts are merged, so the recursion is: predict 0, update 0, predict 1, ..., update N-1, predict N.
+L, Theta, q and R are sampled at the midpoints. A running weight is charged there as h/2 [tr(R S-) + tr(R S+)].
+Second order in h, convex in v exactly, and its adjoint gives the certificate of the discretised problem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from occontrol.core.sensor import SensorSuite
+from occontrol.core.signal import ConstantSignal
+from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.numerics.transition import transitions, unique_spans
+
+NEGLIGIBLE = 1e-100
+
+
+@dataclass(frozen=True, eq=False)
+class Recursion:
+    """Everything that the sweeps need, as arrays.
+
+    Parameters
+    ----------
+    initial : (n, n) covariance before predict 0
+    transition, noise : (U, n, n) distinct F and Q of the merged predicts
+    predict : (N+1,) which of the U belongs to predict k
+    rows : (S, r, n) scaled rows Theta^{-1/2} C of all sensors, one below the other
+    row_set : (N,) which of the S belongs to update k
+    offsets : (M+1,) rows of sensor j are offsets[j]:offsets[j+1]
+    steps : (N,) lengths h
+    cost : (N, M) alpha q_j h
+    running : (V, n, n) distinct R, or (0, n, n) if there is none
+    running_set : (N,) which of the V is charged at update k
+    terminal : (n, n) weight W on the covariance after predict N
+    upper : (N, M) largest weights
+    select : sum of the weights of an interval
+    """
+
+    initial: np.ndarray
+    transition: np.ndarray
+    noise: np.ndarray
+    predict: np.ndarray
+    rows: np.ndarray
+    row_set: np.ndarray
+    offsets: np.ndarray
+    steps: np.ndarray
+    cost: np.ndarray
+    running: np.ndarray
+    running_set: np.ndarray
+    terminal: np.ndarray
+    upper: np.ndarray
+    select: int
+
+    @property
+    def states(self) -> int:
+        """n"""
+        return self.initial.shape[0]
+
+    @property
+    def intervals(self) -> int:
+        """N"""
+        return len(self.steps)
+
+    @property
+    def sensors(self) -> int:
+        """M"""
+        return len(self.offsets) - 1
+
+    def with_cost_weight(self, factor: float) -> Recursion:
+        """The same with every observation cost multiplied by `factor` (warm starts along alpha)."""
+        return replace(self, cost=self.cost * factor)
+
+
+@dataclass(frozen=True, eq=False)
+class HalfPredicts:
+    """F and Q of the 2N half intervals: node k -> midpoint k is 2k, midpoint k -> node k+1 is 2k+1."""
+
+    transition: np.ndarray
+    noise: np.ndarray
+    index: np.ndarray
+
+
+def half_predicts(problem: SchedulingProblem) -> HalfPredicts:
+    """Transition and noise of every half interval of the problem's grid."""
+    edges, middle = problem.edges, problem.midpoints
+    starts = np.column_stack([edges[:-1], middle]).ravel()
+    ends = np.column_stack([middle, edges[1:]]).ravel()
+    plant = problem.plant
+    if plant.A.constant and plant.noise.constant:
+        spans, index = unique_spans(ends - starts)
+        F, Q = transitions(plant.A, plant.noise, np.zeros(len(spans)), spans)
+    else:
+        F, Q = transitions(plant.A, plant.noise, starts, ends)
+        index = np.arange(2 * problem.intervals)
+    return HalfPredicts(F, Q, index.astype(np.int64))
+
+
+def _merge(halves: HalfPredicts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """F, Q and index of the N+1 merged predicts."""
+    index = halves.index
+    none = len(halves.transition)  # stands for 'no half predict' at the two ends
+    first = np.concatenate([[none], index[1::2]])
+    second = np.concatenate([index[0::2], [none]])
+    pairs, which = np.unique(np.column_stack([first, second]), axis=0, return_inverse=True)
+    n = halves.transition.shape[1]
+    F = np.concatenate([halves.transition, np.eye(n)[None]])
+    Q = np.concatenate([halves.noise, np.zeros((1, n, n))])
+    a, b = pairs.T
+    merged = F[b] @ F[a]
+    noise = F[b] @ Q[a] @ np.swapaxes(F[b], 1, 2) + Q[b]
+    noise = (noise + np.swapaxes(noise, 1, 2)) / 2
+    # long chains couple their ends by entries whose products fall below the normal numbers, which are slow
+    for matrices in (merged, noise):
+        matrices[np.abs(matrices) < NEGLIGIBLE * np.max(np.abs(matrices), axis=(1, 2), keepdims=True)] = 0.0
+    return merged, noise, which.ravel().astype(np.int64)
+
+
+def scaled_rows(sensors: SensorSuite, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows X C with X'X = Theta^-1 at the given times.
+
+    Returns rows (S, r, n) for the distinct times, the (N,) index into them, and the (M+1,) offsets.
+    """
+    offsets = np.concatenate([[0], np.cumsum([s.rows for s in sensors])]).astype(np.int64)
+    constant = all(s.C.constant and s.noise.constant for s in sensors)
+    at = times[:1] if constant else times
+    blocks = []
+    for sensor in sensors:
+        C, theta = sensor.C.sample(at), sensor.noise.sample(at)
+        if sensor.rows:
+            # Theta = G G' gives X = G^-1, and then X'X = Theta^-1
+            C = np.linalg.solve(np.linalg.cholesky(theta), C)
+        blocks.append(C)
+    rows = np.ascontiguousarray(np.concatenate(blocks, axis=1))
+    index = np.zeros(len(times)) if constant else np.arange(len(times))
+    return rows, index.astype(np.int64), offsets
+
+
+def prediction_weight(problem: SchedulingProblem) -> tuple[np.ndarray, float]:
+    """W = Phi(Tp,T)' D'D Phi(Tp,T) and the noise term tr(D int_T^Tp Phi Xi Phi' dt D'), which no schedule changes.
+
+    Athans (1971), equations (3.12) and (5.6); the noise term is missing in (3.12).
+    """
+    end, at = np.array([problem.edges[-1]]), np.array([float(problem.predict_at or 0.0)])
+    F, Q = transitions(problem.plant.A, problem.plant.noise, end, at)
+    D = problem.output.at(float(at[0]))
+    predicted = D @ F[0]
+    return predicted.T @ predicted, float(np.trace(D @ Q[0] @ D.T))
+
+
+def discretise(problem: SchedulingProblem, halves: HalfPredicts | None = None) -> Recursion:
+    """The Recursion of a scheduling problem on its own grid; `halves` may be passed when they are known already."""
+    n, N, h, middle = problem.states, problem.intervals, problem.steps, problem.midpoints
+    F, Q, predict = _merge(halves or half_predicts(problem))
+    rows, row_set, offsets = scaled_rows(problem.sensors, middle)
+    cost = np.column_stack([s.cost.sample(middle)[:, 0, 0] for s in problem.sensors]) * h[:, None] * problem.cost_weight
+    R = problem.running
+    if R is None or (R.constant and not np.any(R.at(0.0))):
+        running, running_set = np.zeros((0, n, n)), np.zeros(N, dtype=np.int64)
+    elif isinstance(R, ConstantSignal):
+        running, running_set = np.array(R.at(0.0))[None], np.zeros(N, dtype=np.int64)
+    else:
+        running, running_set = np.array(R.sample(middle)), np.arange(N, dtype=np.int64)
+    return Recursion(
+        initial=(problem.plant.covariance + problem.plant.covariance.T) / 2,
+        transition=np.ascontiguousarray(F),
+        noise=np.ascontiguousarray(Q),
+        predict=predict,
+        rows=rows,
+        row_set=row_set,
+        offsets=offsets,
+        steps=h,
+        cost=np.ascontiguousarray(cost),
+        running=np.ascontiguousarray((running + np.swapaxes(running, 1, 2)) / 2),
+        running_set=running_set,
+        terminal=prediction_weight(problem)[0],
+        upper=problem.upper,
+        select=problem.select,
+    )

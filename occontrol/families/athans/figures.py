@@ -1,0 +1,252 @@
+"""Pictures of a schedule in continuous time: overview, schedule, deviations, switching functions, convergence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from occontrol.core.plant import state_names
+from occontrol.core.schedule import Schedule
+from occontrol.core.solution import Solution
+from occontrol.families.athans.discretise import half_predicts
+from occontrol.families.athans.figures_compare import draw_compare, sizes
+from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.files.figures import style
+from occontrol.files.figures.panels import (
+    convergence_panel,
+    curves_panel,
+    history_columns,
+    legend,
+    map_panel,
+    schedule_panel,
+)
+from occontrol.numerics.transition import transitions
+
+__all__ = ["draw", "draw_compare"]
+
+WIDEST_LINEAR = 20.0  # the largest switching function may be this many times the median before the axis is compressed
+
+
+def draw(problem: SchedulingProblem, solution: Solution) -> dict[str, Figure]:
+    """Every figure of one solution.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    solution : Solution with a schedule
+
+    Returns overview, schedule, deviations, switching and, for iterative methods, convergence.
+    """
+    with style.house_style():
+        figures = {
+            "overview": _overview(problem, solution),
+            "schedule": _schedule(problem, solution),
+            "deviations": _deviations(problem, solution),
+            "switching": _switching(problem, solution),
+        }
+        convergence = _convergence(problem, solution)
+        return figures if convergence is None else {**figures, "convergence": convergence}
+
+
+def output_deviation(problem: SchedulingProblem, covariance: np.ndarray) -> np.ndarray:
+    """Standard deviation of the error of the prediction of w = D x(Tp) made at each node.
+
+    cov = D [Phi(Tp,t) Sigma(t) Phi(Tp,t)' + int_t^Tp Phi Xi Phi' ds] D'
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    covariance : (N+1, n, n) at the nodes
+
+    Returns (N+1, p). Athans (1971), equation (3.12) with the plant noise between t and Tp.
+    """
+    halves, at = half_predicts(problem), float(problem.predict_at or 0.0)
+    F, Q = halves.transition[halves.index], halves.noise[halves.index]
+    last, noise = transitions(problem.plant.A, problem.plant.noise, problem.edges[-1:], np.array([at]))
+    D = problem.output.at(at)
+    row, variance = D @ last[0], np.einsum("pi,ij,pj->p", D, noise[0], D)
+    result = np.empty((len(covariance), len(D)))
+    for k in range(len(covariance) - 1, -1, -1):
+        result[k] = np.sqrt(np.maximum(np.einsum("pi,ij,pj->p", row, covariance[k], row) + variance, 0.0))
+        for half in (2 * k - 1, 2 * k - 2) if k else ():
+            variance = variance + np.einsum("pi,ij,pj->p", row, Q[half], row)
+            row = row @ F[half]
+    return result
+
+
+def _subtitle(problem: SchedulingProblem, solution: Solution) -> str:
+    text = f"method {solution.method} · {sizes(problem)}"
+    c = solution.certificate
+    if c is None or not np.isfinite(c.lower_bound):
+        return f"{text} · cost {solution.cost:.7g}"
+    return f"{text} · cost {c.cost:.7g}, proven bound {c.lower_bound:.7g}, gap {100 * c.relative_gap:.2g} %"
+
+
+def _windows(problem: SchedulingProblem, schedule: Schedule) -> np.ndarray | None:
+    """Which sensor may be used when; None when every one always may."""
+    available = problem.upper > 0
+    return None if np.all(available) or len(available) != len(schedule.weights) else available
+
+
+def _draw_schedule(axes: Axes, problem: SchedulingProblem, solution: Solution, label: bool = True) -> None:
+    schedule = solution.schedule
+    if schedule is None:
+        return
+    windows = _windows(problem, schedule)
+    title = "who measures when"
+    if windows is not None:
+        title += " (pale: inside a window)"
+    if not schedule.is_integer:
+        title += "; height: share of the time"
+    axes.set_title(title)
+    schedule_panel(axes, schedule, windows)
+    style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1], label)
+
+
+def _draw_states(axes: Axes, problem: SchedulingProblem, solution: Solution, label: bool = True) -> None:
+    times, covariance = solution.arrays["times"], solution.arrays["covariance"]
+    deviation = np.sqrt(np.maximum(np.einsum("kii->ki", covariance), 0.0))
+    names = state_names(problem.states)
+    axes.set_title("standard deviation of the estimation error")
+    if problem.states <= style.MOST_LINES:
+        curves_panel(axes, times, deviation, names, "deviation")
+    else:
+        largest = np.max(deviation, axis=0)
+        relative = deviation / np.where(largest > 0, largest, 1.0)
+        middles = np.concatenate([times[:1], (times[1:] + times[:-1]) / 2, times[-1:]])
+        map_panel(axes, middles, relative, names, "share of its largest")
+    style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1], label)
+
+
+def _draw_output(axes: Axes, problem: SchedulingProblem, solution: Solution, label: bool = True) -> None:
+    times = solution.arrays["times"]
+    deviation = output_deviation(problem, solution.arrays["covariance"])
+    p = deviation.shape[1]
+    shown = np.sort(np.argsort(-deviation[-1])[: style.MOST_LINES])
+    axes.set_title(f"standard deviation of the prediction for t = {problem.predict_at:g}, made at time t")
+    if p > len(shown):
+        axes.set_title(f"{axes.get_title(loc='left')} (the {len(shown)} largest of {p})")
+    curves_panel(axes, times, deviation[:, shown], [f"w{i + 1}" for i in shown], "deviation")
+    style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1], label)
+
+
+def _draw_switching(axes: Axes, problem: SchedulingProblem, solution: Solution, label: bool = True) -> None:
+    switching = np.where(problem.upper > 0, solution.arrays["switching"], np.nan)
+    names, edges = problem.sensors.names, problem.edges
+    if len(names) <= style.MOST_LINES:
+        axes.set_title("switching functions: the smallest measures (thick: in use)")
+        colours = style.sensor_colours(names)
+        for j, name in enumerate(names):
+            line = np.append(switching[:, j], switching[-1, j])
+            axes.step(edges, line, where="post", color=colours[j], linewidth=1.0, label=style.shorten(name))
+            if solution.schedule is not None:
+                used = np.where(solution.schedule.weights[:, j] > 1e-3, switching[:, j], np.nan)
+                axes.step(edges, np.append(used, used[-1]), where="post", color=colours[j], linewidth=3.2, alpha=0.8)
+        finite = np.abs(switching[np.isfinite(switching) & (switching != 0)])
+        if len(finite) and np.max(finite) > WIDEST_LINEAR * np.median(finite):
+            # linear up to a power of ten, so that its ticks keep clear of the zero
+            axes.set_yscale("symlog", linthresh=10.0 ** np.ceil(np.log10(np.median(finite))))
+        axes.set_ylabel("cost / time")
+        axes.grid(axis="y")
+        legend(axes, len(names))
+    else:
+        axes.set_title("switching functions above the smallest (dark: to be used, white: not available)")
+        smallest = np.min(np.where(np.isfinite(switching), switching, np.inf), axis=1, keepdims=True)
+        above = switching - smallest
+        positive = above[above > 0]  # not-a-number compares as false
+        scale = float(np.median(positive)) if len(positive) else 1.0
+        map_panel(axes, edges, np.log10(1 + above / scale), names, "log₁₀(1 + distance/median)", log=False)
+    style.tidy_time_axis(axes, edges[0], edges[-1], label)
+
+
+def _schedule(problem: SchedulingProblem, solution: Solution) -> Figure:
+    rows = min(len(problem.sensors), 40)
+    figure = style.new_figure((12, min(9.0, 2.2 + 0.36 * rows)), problem.name, _subtitle(problem, solution))
+    _draw_schedule(figure.subplots(), problem, solution)
+    return figure
+
+
+def _deviations(problem: SchedulingProblem, solution: Solution) -> Figure:
+    figure = style.new_figure((12, 7), problem.name, _subtitle(problem, solution))
+    upper, lower = figure.subplots(2, 1)
+    _draw_states(upper, problem, solution, label=False)
+    _draw_output(lower, problem, solution)
+    return figure
+
+
+def _switching(problem: SchedulingProblem, solution: Solution) -> Figure:
+    figure = style.new_figure((12, 6), problem.name, _subtitle(problem, solution))
+    _draw_switching(figure.subplots(), problem, solution)
+    return figure
+
+
+def _target(problem: SchedulingProblem) -> float | None:
+    return getattr(problem.method, "relative_gap", None)
+
+
+def _convergence(problem: SchedulingProblem, solution: Solution) -> Figure | None:
+    figure = style.new_figure((12, 5.5), problem.name, _subtitle(problem, solution))
+    left, right = figure.subplots(1, 2)
+    if not convergence_panel(right, solution.history, _target(problem)):
+        return None
+    right.set_title("gap between best cost and best bound")
+    cost, bound = history_columns(solution.history)
+    steps = np.arange(1, len(cost) + 1)
+    left.plot(steps, cost, color=style.ACCENT, label="cost")
+    left.plot(steps, bound, color=style.SECOND, label="lower bound")
+    # early bounds can be far below; the picture is about where the two meet
+    low, high = (
+        np.nanmax(np.where(np.isfinite(bound), bound, -np.inf)),
+        np.nanmax(np.where(np.isfinite(cost), cost, np.nan)),
+    )
+    least = np.nanmin(cost)
+    room = max(high - low, 1e-6 * abs(least))
+    left.set_ylim(
+        max(np.nanmin(np.where(np.isfinite(bound), bound, low)), low - 2 * room) - 0.05 * room, high + 0.05 * room
+    )
+    left.set_title("cost from above, bound from below")
+    left.set_xlabel("iteration")
+    left.grid(axis="y")
+    left.legend()
+    return figure
+
+
+def _overview(problem: SchedulingProblem, solution: Solution) -> Figure:
+    figure = style.new_figure(style.SLIDE, problem.name, f"method {solution.method} · {sizes(problem)}")
+    grid = figure.add_gridspec(
+        3, 2, width_ratios=[3.5, 1], height_ratios=[max(1.0, min(2.2, 0.16 * len(problem.sensors))), 1, 1]
+    )
+    _draw_schedule(figure.add_subplot(grid[0, 0]), problem, solution, label=False)
+    _draw_states(figure.add_subplot(grid[1, 0]), problem, solution, label=False)
+    _draw_switching(figure.add_subplot(grid[2, 0]), problem, solution)
+    text = figure.add_subplot(grid[:2, 1])
+    text.axis("off")
+    text.text(0, 1, "certificate", fontweight="bold", fontsize=12, va="top")
+    text.text(0, 0.94, _certificate_text(solution), va="top", fontsize=11, linespacing=1.5)
+    corner = figure.add_subplot(grid[2, 1])
+    if convergence_panel(corner, solution.history, _target(problem)):
+        corner.set_title("convergence")
+    else:
+        corner.axis("off")
+    return figure
+
+
+def _certificate_text(solution: Solution) -> str:
+    lines = [f"status {solution.status}", "", f"cost {solution.cost:.7g}"]
+    c = solution.certificate
+    if c is not None and np.isfinite(c.lower_bound):
+        lines += [f"proven bound {c.lower_bound:.7g}", f"gap {100 * c.relative_gap:.3g} %"]
+    continuous = solution.result.get("continuous")
+    if isinstance(continuous, Mapping) and isinstance(continuous.get("cost"), float):
+        lines += ["", "in continuous time", f"cost {continuous['cost']:.7g}"]
+        if isinstance(continuous.get("lower_bound"), float):
+            lines += [f"proven bound {continuous['lower_bound']:.7g}", f"gap {100 * continuous['relative_gap']:.3g} %"]
+    schedule = solution.schedule
+    if schedule is not None:
+        lines += ["", f"{schedule.switches} switch{'es' * (schedule.switches != 1)}"]
+        if schedule.singular_fraction:
+            lines += [f"singular {100 * schedule.singular_fraction:.3g} % of the time"]
+    return "\n".join(lines)

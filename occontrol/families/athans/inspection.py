@@ -1,0 +1,94 @@
+"""What can be said of a scheduling problem without solving it: sizes, costs, observability, availability, work."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.numerics.transition import transitions
+
+RANK = 1e-10
+SAMPLES = 40
+
+
+def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
+    """Label and text of each finding.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    """
+    n, N, sensors = problem.states, problem.intervals, problem.sensors
+    rows = sum(s.rows for s in sensors)
+    steps = problem.steps
+    spacing = (
+        f"{steps[0]:.4g} each" if np.ptp(steps) < 1e-9 * steps.max() else f"{steps.min():.4g} to {steps.max():.4g}"
+    )
+    varying = [".".join(map(str, p)) for p, s in problem.signals.items() if not s.constant]
+    found = [
+        ("sizes", f"{n} states, {len(sensors)} sensors with {rows} rows, {N} intervals of {spacing}"),
+        ("select", f"{problem.select} at a time"),
+        ("horizon", f"t = {problem.edges[0]:g} to {problem.edges[-1]:g}, prediction for {problem.predict_at:g}"),
+        ("time-varying", _listed(varying, 6) if varying else "nothing"),
+    ]  # fmt: skip
+    rates = np.column_stack([s.cost.sample(problem.midpoints)[:, 0, 0] for s in sensors])
+    low, high = _spend(rates, problem, np.min), _spend(rates, problem, np.max)
+    found.append(
+        ("observation cost", f"{low:.6g} to {high:.6g} over the horizon, times cost_weight {problem.cost_weight:g}")
+    )
+    lacking = np.sum(problem.upper, axis=1) < problem.select - 1e-9
+    windows = [
+        f"{s.name} {100 * float(steps @ problem.upper[:, j]) / steps.sum():.3g} %"
+        for j, s in enumerate(sensors)
+        if s.windows is not None
+    ]
+    text = (
+        f"{int(lacking.sum())} of {N} intervals have too few sensors"
+        if np.any(lacking)
+        else "every interval can be filled"
+    )
+    found.append(("availability", text + (f"; inside windows: {', '.join(windows)}" if windows else "")))
+    together, worst = _observability(problem)
+    found.append(("observability", f"all sensors together: rank {together} of {n} over the horizon{worst}"))
+    flops = N * (4 * n**3 + 6 * n * n * max(1, problem.output.shape[0]) + 4 * rows * n)
+    memory = 8 * N * n * n / 1e6
+    found.append(("work", f"about {flops / 1e6:.3g} Mflop a sweep, {memory:.3g} MB of covariances; tens of sweeps"))
+    return found
+
+
+def _listed(names: list[str], most: int) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def _spend(rates: np.ndarray, problem: SchedulingProblem, pick) -> float:
+    """Cheapest or dearest spending when `select` places are filled by one and the same kind of choice."""
+    open_ = problem.upper > 0
+    chosen = [pick(r[o]) if np.any(o) else 0.0 for r, o in zip(rates, open_, strict=True)]
+    return float(problem.select * np.asarray(chosen) @ problem.steps)
+
+
+def _observability(problem: SchedulingProblem) -> tuple[int, str]:
+    """Rank of the observability Gramian at the start, and the sensors that do not reach it alone."""
+    n, N = problem.states, problem.intervals
+    picks = np.unique(np.linspace(0, N - 1, min(N, max(SAMPLES, 2 * n))).astype(int))
+    times = problem.midpoints[picks]
+    starts = np.concatenate([problem.edges[:1], times[:-1]])
+    F, _ = transitions(problem.plant.A, problem.plant.noise, starts, times)
+    gramians = np.zeros((len(problem.sensors), n, n))
+    phi = np.eye(n)
+    for i, k in enumerate(picks):
+        phi = F[i] @ phi
+        for j, sensor in enumerate(problem.sensors):
+            if sensor.rows and problem.upper[k, j] > 0:
+                theta, C = sensor.noise.at(times[i]), sensor.C.at(times[i]) @ phi
+                gramians[j] += C.T @ np.linalg.solve(theta, C)
+    scale = np.sqrt(np.maximum(np.diag(gramians.sum(axis=0)), 1e-300))
+
+    def rank(g: np.ndarray) -> int:
+        values = np.linalg.eigvalsh(g / scale / scale[:, None])
+        return int(np.sum(values > RANK * max(values[-1], 1e-300))) if values[-1] > 0 else 0
+
+    alone = [(s.name, rank(g)) for s, g in zip(problem.sensors, gramians, strict=True) if s.rows]
+    short = [f"{name} {r}" for name, r in alone if r < n]
+    listed = _listed(short, 5)
+    return rank(gramians.sum(axis=0)), f"; alone less: {listed}" if short else ""

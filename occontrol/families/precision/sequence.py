@@ -1,0 +1,136 @@
+"""Batches one after another: forecast, choose the precisions, measure a simulated truth with exactly those, update.
+
+The truth is drawn from the initial mean and covariance and moves with the plant's own noise; every batch's covariance
+after the update is held against the bound that its precisions were chosen for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from occontrol.families.precision.ensemble import Ensemble, EnsembleFilter
+from occontrol.families.precision.forecast import Forecast, draw, split_seed
+from occontrol.families.precision.measurement import NonlinearMeasurement
+from occontrol.families.precision.plant import NonlinearPlant
+from occontrol.families.precision.unscented import Unscented, UnscentedFilter
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """A simulated truth: times (K*q + 1,), states (K*q + 1, n), noise-free measurements (K*q, m)."""
+
+    times: np.ndarray
+    states: np.ndarray
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class BatchOutcome:
+    """What happened in one batch.
+
+    Parameters
+    ----------
+    forecast : Forecast
+    chosen : what `choose` returned; its `precisions` (q*m,) were used
+    observed : (q*m,) measurements, NaN where the precision is zero
+    mean, covariance : (n,), (n, n) after the update, covariance by equation (11)
+    filter_covariance : (n, n) what the filter itself holds afterwards (an ensemble's sample covariance)
+    truth : (n,) true state at the end of the batch
+    nis : normalised innovation squared of the measurements that were used
+    """
+
+    forecast: Forecast
+    chosen: object
+    observed: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+    filter_covariance: np.ndarray
+    truth: np.ndarray
+    nis: float
+
+
+def start_filter(
+    plant: NonlinearPlant, measurement: NonlinearMeasurement, options: EnsembleFilter | UnscentedFilter
+) -> Ensemble | Unscented:
+    """The running filter that the options describe."""
+    if isinstance(options, EnsembleFilter):
+        return Ensemble(plant, measurement, options)
+    return Unscented(plant, measurement, options)
+
+
+def simulate_truth(plant: NonlinearPlant, measurement: NonlinearMeasurement, steps: int, seed: int) -> Truth:
+    """Draw x_0 and drive it through `steps` steps; the same seed gives the same truth."""
+    generator = split_seed(seed, 3)
+    states = [plant.mean + draw(generator, plant.covariance, 1)[:, 0]]
+    values = []
+    for k in range(steps):
+        moved = plant.advance(states[-1][:, None], k * plant.interval)
+        moved = moved + draw(generator, plant.noise, 1)
+        states.append(moved[:, 0])
+        values.append(measurement.values(moved, (k + 1) * plant.interval)[:, 0])
+    return Truth(np.arange(steps + 1) * plant.interval, np.array(states), np.array(values))
+
+
+def observe(values: np.ndarray, precisions: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """Noisy measurements (q*m,) of noise-free values with the given precisions; NaN where nothing is measured."""
+    used = precisions > 0
+    noise = generator.standard_normal(len(values)) / np.sqrt(np.where(used, precisions, 1.0))
+    return np.where(used, values + noise, np.nan)
+
+
+def innovation_squared(forecast: Forecast, precisions: np.ndarray, observed: np.ndarray) -> float:
+    """nu' (Y + R)^-1 nu over the measurements in use; chi-squared with as many degrees for a linear plant."""
+    used = np.flatnonzero(precisions > 0)
+    if not len(used):
+        return float("nan")
+    root = np.sqrt(precisions[used])
+    innovation = root * (observed - forecast.measurement_mean)[used]
+    inner = np.eye(len(used)) + root[:, None] * forecast.moments.measurement[np.ix_(used, used)] * root
+    return float(innovation @ np.linalg.solve(inner, innovation))
+
+
+def run_sequence(
+    plant: NonlinearPlant,
+    measurement: NonlinearMeasurement,
+    options: EnsembleFilter | UnscentedFilter,
+    batch: int,
+    batches: int,
+    choose: Callable[[Forecast, int], object],
+    seed: int = 0,
+) -> list[BatchOutcome]:
+    """Run `batches` batches of `batch` steps; ends early when `choose` returns something without `precisions`.
+
+    Parameters
+    ----------
+    choose : (forecast, number of the batch) -> an object with `precisions` (q*m,); None stops before the batch,
+        an object whose `precisions` are None after it
+    seed : of the truth and the measurement noise
+
+    The last outcome of a sequence that ended early holds the refused choice, and the forecast as its estimate.
+    """
+    filter_ = start_filter(plant, measurement, options)
+    truth = simulate_truth(plant, measurement, batch * batches, seed)
+    generator = split_seed(seed, 4)
+    outcomes = []
+    for k in range(batches):
+        forecast = filter_.forecast(batch)
+        chosen = choose(forecast, k)
+        if chosen is None:
+            break
+        precisions = getattr(chosen, "precisions", None)
+        end = truth.states[(k + 1) * batch]
+        if precisions is None:
+            prior, none = forecast.moments.state, np.full(len(forecast.measurement_mean), np.nan)
+            outcomes.append(BatchOutcome(forecast, chosen, none, forecast.mean, prior, prior, end, float("nan")))
+            break
+        values = truth.values[k * batch : (k + 1) * batch].ravel()
+        observed = observe(values, precisions, generator)
+        nis = innovation_squared(forecast, precisions, observed)
+        covariance = filter_.update(forecast, precisions, observed)
+        outcomes.append(
+            BatchOutcome(forecast, chosen, observed, filter_.mean, covariance, filter_.covariance, end, nis)
+        )
+    return outcomes

@@ -1,0 +1,108 @@
+"""What the command line prints about a robust problem and its solution."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.solution import Solution, Status
+from occontrol.core.trajectory import Trajectory
+from occontrol.families.robust.problem import Problem
+
+
+def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
+    """The lines after a solve.
+
+    Parameters
+    ----------
+    problem : Problem
+    solution : Solution
+    """
+    r = solution.result
+    lines = [("method", f"{solution.method}, {solution.seconds:.2f} s")]
+    reach = r.get("observability_horizon")
+    if solution.status is Status.INFEASIBLE:
+        lines.append(("horizon", "unknown" if reach is None else f"observable before t = {reach:.12g}"))
+        lines.append(("K", f"observable when multiplied by less than {r['gain_factor']:.6g}"))
+        if "escape_time" in r:
+            time = r["escape_time"]
+            lines.append(("schedule", "P lives to the end" if time is None else f"P escapes at t = {time:.12g}"))
+        return lines
+    lines += [
+        (problem.measure.text, f"{r['cost']:.10g}   (level {r['level']:.10g})"),
+        ("lower bound", f"{r['lower_bound']:.10g}   gap {100 * max(r['relative_gap'], 0.0):.3g} %"),
+    ]
+    if "nodes" in r:
+        lines.append(("nodes", f"{r['nodes']} of {len(problem.sensors)}^{problem.slots} sequences"))
+    if "one_step_cost" in r:
+        lines.append(
+            ("one step", f"{r['one_step_cost']:.10g}, {100 * (r['one_step_cost'] / r['cost'] - 1):.3g} % above")
+        )
+    if "worst_cost" in r:
+        lines.append(("worst", f"{r['worst_cost']:.10g}"))
+    if r.get("sequence"):
+        shown = " ".join(r["sequence"][:40]) + (" .." if len(r["sequence"]) > 40 else "")
+        lines.append(("sequence", shown))
+    lines.append(("horizon", _reach(r)))
+    return lines
+
+
+def _reach(r) -> str:
+    reach, followed = r["observability_horizon"], r.get("observability_followed_to")
+    if reach is not None:
+        return f"observable before t = {reach:.10g}"
+    return "observable for ever" if followed is None else f"observable up to t = {followed:.6g} at least"
+
+
+def describe(problem: Problem) -> list[tuple[str, str]]:
+    """What `check` prints: sizes, observability, an estimate of work.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    from occontrol.families.robust.escape import free_weights, gain_that_fits
+    from occontrol.families.robust.result import observability
+
+    n, N, M, plant = problem.states, problem.slots, len(problem.sensors), problem.plant
+    lines = [
+        ("size", f"{n} states, {M} sensors, {N} slots on [{problem.edges[0]:g}, {problem.edges[-1]:g}]"),
+        ("sensors", ", ".join(f"{s.name} ({s.rows})" for s in problem.sensors)),
+        ("small at the end", problem.measure.text),
+    ]
+    if problem.measure.homogeneous(n):
+        lines.append(("measurements", "cannot change the best schedule: the size is homogeneous in the level"))
+    else:
+        lines.append(("measurements", "may change the best schedule on-line: the size is not homogeneous in the level"))
+    reach, followed = observability(problem)
+    free = free_weights(problem.plant_flow, problem.edges)
+    margin = -np.inf if free is None else float(np.linalg.eigvalsh(plant.weight - free[0])[0])
+    if margin > 0:
+        reached = {"observability_horizon": reach, "observability_followed_to": followed}
+        lines.append(("observability", f"uniform, smallest eigenvalue of weight - X {margin:.6g}; {_reach(reached)}"))
+    else:
+        factor = gain_that_fits(problem.plant_flow, plant.weight, problem.edges)
+        lines.append(("observability", f"NOT uniform on this horizon: it ends before t = {reach:.12g}"))
+        lines.append(("K", f"would have to be multiplied by less than {factor:.6g}"))
+    lines.append(("work", f"{M}^{N} = {float(M) ** N if N * np.log10(M) < 300 else np.inf:.3g} sequences; "
+                          f"the search looks at a few times {N * M} nodes in the good case"))  # fmt: skip
+    return lines
+
+
+def truth_remark(estimate: Any, truth: Trajectory, source: Any) -> str:
+    """Whether the set of possible states held the truth at every time.
+
+    Parameters
+    ----------
+    estimate : Estimate of the set-membership estimator
+    truth : Trajectory at the estimate's times
+    source : the file that it came from
+    """
+    away = truth.values - estimate.mean
+    share = np.array([x @ np.linalg.pinv(S) @ x for x, S in zip(away, estimate.covariance, strict=True)])
+    inside = int(np.sum(share <= 1 + 1e-9))
+    return (
+        f"{inside} of {len(share)} true states in {source} lie inside the set; the closest call uses "
+        f"{100 * float(np.sqrt(np.max(share))):.4g} % of the way to its edge"
+    )
