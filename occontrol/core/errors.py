@@ -6,6 +6,7 @@ A mistake names the place by a path of keys and indices into the problem documen
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -46,6 +47,18 @@ def printable(text: str) -> str:
     if len(text) > LONGEST:
         text = f"{text[: LONGEST - 100]} ... {text[-100:]}"
     return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def suggest(name: str, known: Iterable[str]) -> str:
+    """A hint for the misspelt `name`: the closest of the `known` names, or all of them."""
+    known = list(known)
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean '{close[0]}'?" if close else "there are: " + ", ".join(known)
+
+
+def plural(count: int, thing: str) -> str:
+    """"1 state", "2 states": the count with the noun in the right number."""
+    return f"{count} {thing}{'s' * (count != 1)}"
 
 
 def spell_path(path: Sequence[str | int]) -> str:

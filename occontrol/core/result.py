@@ -1,0 +1,38 @@
+"""What a solve found, as data: the mixin of every family's result dataclass."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, Self
+
+
+class ResultData:
+    """Mixin for a frozen dataclass whose fields are the family's entries of result.json.
+
+    Fields keep the order of the file. A field whose metadata has `optional` is left out of `as_dict` when it is None;
+    a field called `extra` is a mapping of further entries, put in where it stands.
+    """
+
+    def as_dict(self) -> dict[str, Any]:
+        """The family's part of result.json, in the order of the fields."""
+        content: dict[str, Any] = {}
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            value = getattr(self, field.name)
+            if field.name == "extra":
+                content |= value
+            elif value is not None or not field.metadata.get("optional"):
+                content[field.name] = value.as_dict() if hasattr(value, "as_dict") else value
+        return content
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """The result that `content`, read from a result.json, describes; what is not there is None.
+
+        Entries that are no fields go to `extra` where the class has it, and are dropped otherwise.
+        """
+        fields = {f.name: f for f in dataclasses.fields(cls) if f.init and f.name != "extra"}  # type: ignore[arg-type]
+        known = {name: content.get(name) for name in fields}
+        if any(f.name == "extra" for f in dataclasses.fields(cls)):  # type: ignore[arg-type]
+            known["extra"] = {k: v for k, v in content.items() if k not in fields}
+        return cls(**known)

@@ -1,0 +1,185 @@
+"""What a family of problems is to the rest of the house: one object with declared abilities.
+
+`families/<name>/family.py` holds `FAMILY`, an instance of a subclass of `Family`. Nobody asks it with hasattr what it
+can do: `abilities` says so, and what is not declared raises UsageError with one sentence.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
+
+from occontrol.core.errors import UsageError
+from occontrol.core.method import Method, options_in_common
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from matplotlib.figure import Figure
+
+    from occontrol.core.measurement import Estimate, Measurement
+    from occontrol.core.monitor import Monitor
+    from occontrol.core.schedule import Schedule
+    from occontrol.core.solution import Solution
+
+
+class Ability(enum.StrEnum):
+    """What a family may be able to do beside solving; the value is how a sentence about it goes on."""
+
+    CERTIFY = "certify schedules"
+    SIMULATE = "simulate measurements"
+    FILTER = "filter a measurement file"
+    ONLINE = "run on line"
+    TRADEOFF = "trade observation cost against prediction error"
+    COMPARE = "compare methods"
+    MONTE_CARLO = "be judged by many simulated runs"
+
+
+class Family(Protocol):
+    """One family of problems.
+
+    Attributes
+    ----------
+    name : as in `family: NAME` of a problem file
+    title : one line
+    methods : {name: frozen dataclass of options}, see core/method.py; the first is the default
+    compared : the method names that `compare` runs when none are given
+    columns : the numbers of a result that the table of `compare` shows; empty: cost, bound and gap
+    abilities : what it can do beside solve, describe, summarise and draw
+    problem_type : the frozen dataclass of its problems (with `name`, `family`, `method`)
+    result_type : the frozen dataclass of its results, with `as_dict` and `from_dict` (core/result.py)
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    methods: ClassVar[Mapping[str, type]]
+    compared: ClassVar[Sequence[str]]
+    columns: ClassVar[Sequence[str]] = ()
+    abilities: ClassVar[frozenset[Ability]]
+    problem_type: ClassVar[type]
+    result_type: ClassVar[type]
+
+    # ---- every family
+
+    def solve(self, problem: Any, method: Any, monitor: Monitor) -> Solution:
+        """Solve `problem` with `method`, an object of one of `methods`, under the eyes of `monitor`."""
+        ...
+
+    def describe(self, problem: Any) -> list[tuple[str, str]]:
+        """(label, text) lines that `check` prints."""
+        ...
+
+    def summarise(self, problem: Any, solution: Solution) -> list[tuple[str, str]]:
+        """(label, text) lines that the command line and the report print after a solve."""
+        ...
+
+    def schema(self) -> ModuleType:
+        """The module with `Document` (pydantic), `build(document, context)` and `document(problem)`."""
+        ...
+
+    def figures(self, problem: Any, solution: Solution) -> dict[str, Figure]:
+        """Every figure of a solution by name, the most telling first."""
+        ...
+
+    def compare_figure(self, problem: Any, solutions: Mapping[str, Solution]) -> Figure | None:
+        """One figure of several solutions by method name, or None."""
+        return None
+
+    def estimate_figures(
+        self, problem: Any, solution: Solution, estimate: Estimate, truth: Any = None
+    ) -> dict[str, Figure]:
+        """The figures of an estimate by name."""
+        from occontrol.files.figures.estimates import draw
+
+        return draw(problem, solution, estimate, truth)
+
+    def method_named(self, problem: Any, name: str) -> Method | None:
+        """The method that carries an argument in its name, such as fixed:radar; None for any other name."""
+        return None
+
+    def compare_names(self, problem: Any) -> list[str]:
+        """The method names that `compare` runs on `problem` when none are given."""
+        return list(self.compared)
+
+    def require_feasible(self, problem: Any) -> None:
+        """Raise InfeasibleError where it can be seen without solving that no schedule exists."""
+        return None
+
+    def truth_remark(self, estimate: Estimate, truth: Any, source: Any) -> str:
+        """One sentence on an estimate beside the true states; `source` is the file they came from."""
+        from occontrol.files.figures.estimates import truth_remark
+
+        return truth_remark(estimate, truth, source)
+
+    def filter_tables(self, problem: Any, solution: Solution) -> dict[str, Any]:
+        """Arrays {name: array} from which another program runs the filter; empty where there are none."""
+        return {}
+
+    # ---- what `abilities` declares
+
+    def certify(self, problem: Any, schedule: Schedule, claims: Any = None) -> Solution:
+        """Cost, lower bound and gap of anybody's schedule."""
+        self._cannot(Ability.CERTIFY)
+
+    def claims_of(self, problem: Any, solution: Solution) -> Any:
+        """What a run says of its schedule, for `certify` to check; None where it says nothing."""
+        return None
+
+    def simulate(self, problem: Any, solution: Solution | None, seed: int) -> tuple[list[Measurement], Any]:
+        """A true trajectory and what the scheduled sensors report of it."""
+        self._cannot(Ability.SIMULATE)
+
+    def run_filter(
+        self, problem: Any, solution: Solution, measurements: Sequence[Measurement], **options: Any
+    ) -> Estimate:
+        """The estimate that the schedule's filter makes of measurements."""
+        self._cannot(Ability.FILTER)
+
+    def online(self, problem: Any, solution: Solution | None = None, method: Any = None) -> Any:
+        """The object for a loop on a target: `step(measurements) -> Step` (core/measurement.py)."""
+        self._cannot(Ability.ONLINE)
+
+    def tradeoff(self, problem: Any, cost_weights: Sequence[float], monitor: Monitor) -> Any:
+        """The certified front of observation cost against prediction error."""
+        self._cannot(Ability.TRADEOFF)
+
+    # ---- what follows from the above
+
+    def can(self, ability: Ability) -> bool:
+        """Whether the family declares `ability`."""
+        return ability in self.abilities
+
+    def _cannot(self, ability: Ability) -> NoReturn:
+        raise UsageError(f"family {self.name} cannot {ability}")
+
+    def default_method(self) -> Any:
+        """The first of `methods` with its default options."""
+        return next(iter(self.methods.values()))()
+
+    def choose(self, problem: Any, method: Any = None) -> Any:
+        """The method object to run: the given one, the one of that name, the problem's own, or the default.
+
+        Options that the problem states for its own method and that a named one has too, such as relative_gap, are
+        kept. Raises UsageError for an unknown name and for a method of another family.
+        """
+        own = getattr(problem, "method", None)
+        if method is None:
+            return self.default_method() if own is None else own
+        if isinstance(method, str):
+            special = self.method_named(problem, method)
+            if special is not None:
+                return special
+            if method not in self.methods:
+                raise UsageError(f"family {self.name} has no method '{method}'\n  hint: {self._methods_hint(method)}")
+            kind = self.methods[method]
+            return own if isinstance(own, kind) else kind(**options_in_common(own, kind))
+        if type(method) not in self.methods.values():
+            what = f"{type(method).__name__} is not a method of family {self.name}"
+            raise UsageError(f"{what}\n  hint: {self._methods_hint('')}")
+        return method
+
+    def _methods_hint(self, name: str) -> str:
+        from occontrol.core.errors import suggest
+
+        return suggest(name, self.methods)
