@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import read_measurements, read_problem, read_schedule, write_run
 from occontrol.core.errors import FileAccessError, ProblemError
 from occontrol.core.measurement import Measurement
 from occontrol.core.plant import LinearPlant
@@ -15,9 +16,6 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.files.data_files import read_measurements, read_schedule
-from occontrol.files.problem_file import read_problem
-from occontrol.files.run_folder import write_run
 from occontrol.files.tables import write_measurements
 
 

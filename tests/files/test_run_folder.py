@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import read_run, write_run
 from occontrol.core.errors import FileAccessError, ProblemError
 from occontrol.core.solution import Solution
 from occontrol.files import run_folder
 from occontrol.files.plain_json import to_json
-from occontrol.files.run_folder import ARRAYS, PROBLEM, RESULT, read_run, write_run
+from occontrol.files.run_folder import ARRAYS, PROBLEM, RESULT
 
 Damage = Callable[[Path], object]
 

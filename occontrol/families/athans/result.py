@@ -1,15 +1,17 @@
-"""From a policy to a Solution of the athans family: certificate, independent check, arrays."""
+"""From a policy to a Solution of the athans family: its numbers, certificate, independent check, arrays."""
 
 from __future__ import annotations
 
-import time
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.core.result import ResultData
 from occontrol.core.schedule import Schedule
-from occontrol.core.solution import Certificate, Solution, Status
+from occontrol.core.solution import Certificate, Solution, Status, make_solution
 from occontrol.families.athans.certificate import judge, policy_certificate
 from occontrol.families.athans.discretise import HalfPredicts, prediction_weight
 from occontrol.families.athans.filter.gains import filter_gains
@@ -18,6 +20,72 @@ from occontrol.families.athans.run_method import Found
 from occontrol.scheduling.hminimal import polish
 from occontrol.scheduling.rounding import singular_intervals, sum_up_rounding
 from occontrol.scheduling.sweep import Sweep, node_path
+
+
+@dataclass(frozen=True)
+class ContinuousNumbers(ResultData):
+    """A policy integrated again in continuous time, with other code.
+
+    Parameters
+    ----------
+    cost : J of the policy
+    lower_bound : no schedule costs less, whenever it switches
+    relative_gap : (cost - lower_bound)/|cost|
+    """
+
+    cost: float
+    lower_bound: float
+    relative_gap: float
+
+
+@dataclass(frozen=True)
+class AthansResult(ResultData):
+    """The numbers of result.json of this family.
+
+    Parameters
+    ----------
+    name : of the problem
+    cost, lower_bound, relative_gap : of the discretised problem
+    observation_cost : int sum_j q_j v_j dt, before it is weighted
+    cost_weight : alpha
+    running_cost : int tr(R Sigma) dt
+    prediction_error : tr(W Sigma(T))
+    predicted_mean_square_error : the same and what the noise between T and Tp adds
+    continuous : the same policy in continuous time
+    discretisation_error : estimated |J(h) - J(0)|
+    relaxed_cost, relaxed_lower_bound : of the convex relaxation
+    singular_fraction : share of the horizon on singular arcs of the relaxed optimum
+    switches : inner edges at which the set of sensors changes
+    sweeps : what the relaxation needed, by name
+    extra : what one method alone has to say (polish_rounds, end, collocation_cost)
+    schedule : [{start, end, sensors}], see Schedule.segments
+    """
+
+    name: str
+    cost: float
+    lower_bound: float
+    relative_gap: float
+    observation_cost: float
+    cost_weight: float
+    running_cost: float
+    prediction_error: float
+    predicted_mean_square_error: float
+    continuous: ContinuousNumbers | None
+    discretisation_error: float
+    relaxed_cost: float
+    relaxed_lower_bound: float
+    singular_fraction: float
+    switches: int
+    sweeps: Mapping[str, int]
+    extra: Mapping[str, Any]
+    schedule: list[dict[str, Any]]
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """The result that a result.json describes; what is not there is None."""
+        stated = content.get("continuous")
+        continuous = ContinuousNumbers.from_dict(stated) if isinstance(stated, Mapping) else None
+        return super().from_dict({**content, "continuous": continuous})
 
 
 def assemble(
@@ -62,26 +130,27 @@ def assemble(
     elif not _adds_up(certificate.cost, observation, error, r.running.shape[0] > 0):
         status, message = Status.DISAGREES, _SPOILT
     coarse = "" if status is Status.DISAGREES else _coarse(certificate, continuous)
-    result: dict[str, Any] = {
-        "name": problem.name,
-        **certificate.as_dict(),
-        "observation_cost": observation / problem.cost_weight if problem.cost_weight else _raw_cost(problem, v),
-        "cost_weight": problem.cost_weight,
-        "running_cost": certificate.cost - observation - error,
-        "prediction_error": error,
-        "predicted_mean_square_error": error + prediction_weight(problem)[1],
-        "continuous": continuous.as_dict(),
-        "discretisation_error": judged.discretisation_error,
-        "relaxed_cost": relaxed.cost if relaxed is not None else certificate.cost,
-        "relaxed_lower_bound": relaxed.lower_bound if relaxed is not None else certificate.lower_bound,
-        "singular_fraction": singular,
-        "switches": schedule.switches,
-        "sweeps": dict(relaxed.sweeps) if relaxed is not None else {},
-        **found.extra,
-        "schedule": schedule.segments(),
-    }
-    if r.running.shape[0] == 0:
-        result["running_cost"] = 0.0
+    running = certificate.cost - observation - error if r.running.shape[0] else 0.0
+    numbers = AthansResult(
+        name=problem.name,
+        cost=certificate.cost,
+        lower_bound=certificate.lower_bound,
+        relative_gap=certificate.relative_gap,
+        observation_cost=observation / problem.cost_weight if problem.cost_weight else _raw_cost(problem, v),
+        cost_weight=problem.cost_weight,
+        running_cost=running,
+        prediction_error=error,
+        predicted_mean_square_error=error + prediction_weight(problem)[1],
+        continuous=ContinuousNumbers(continuous.cost, continuous.lower_bound, continuous.relative_gap),
+        discretisation_error=judged.discretisation_error,
+        relaxed_cost=relaxed.cost if relaxed is not None else certificate.cost,
+        relaxed_lower_bound=relaxed.lower_bound if relaxed is not None else certificate.lower_bound,
+        singular_fraction=singular,
+        switches=schedule.switches,
+        sweeps=dict(relaxed.sweeps) if relaxed is not None else {},
+        extra=dict(found.extra),
+        schedule=schedule.segments(),
+    )
     arrays = {
         "times": problem.edges,
         "edges": problem.edges,
@@ -93,19 +162,18 @@ def assemble(
     }
     if relaxed is not None:
         arrays["relaxed_weights"] = relaxed.weights
-    return Solution(
-        family="athans",
+    return make_solution(
+        problem=problem,
         method=name,
         status=status,
         message=(message or _message(status, certificate, singular, schedule)) + coarse,
         iterations=found.iterations,
-        seconds=time.perf_counter() - started,
-        result=result,
+        numbers=numbers,
+        monitor=monitor,
+        began=started,
         arrays=arrays,
         schedule=schedule,
         certificate=certificate,
-        history=tuple(monitor.history),
-        problem=problem,
     )
 
 
