@@ -76,12 +76,8 @@ def solve(problem: Any, method: Any = None, monitor: Monitor | None = None) -> S
 
 
 def _own_monitor(monitor: Monitor | None, method: Any) -> Monitor:
-    """The monitor of one method, with the tighter of the two time limits."""
-    monitor = monitor or Monitor()
-    limit = getattr(method, "time_limit", None)
-    if monitor.time_limit is None and limit is not None:
-        monitor.time_limit = monitor.seconds + limit
-    return monitor
+    """A monitor for this method alone: what it sets does not reach the caller's."""
+    return (Monitor() if monitor is None else monitor).child(getattr(method, "time_limit", None))
 
 
 def certify(problem: Any, schedule: Schedule, claims: Any = None) -> Solution:

@@ -42,9 +42,10 @@ class LoadedDocument:
             context.found.mistakes = [
                 m for m in context.found.mistakes if m in said or not any(m.path[: len(p)] == p for p in lacking)
             ]
-            if problem is not None and check is not None and not context.found.mistakes:
-                context.found.mistakes += check(problem)
             context.found.raise_if_any()
+            if check is not None:
+                context.found.mistakes += check(problem)
+                context.found.raise_if_any()
             return problem
         except ProblemError as error:
             raise self.text.placed(error.mistakes) from None

@@ -12,6 +12,7 @@ from occontrol.api import read_measurements, read_problem, read_schedule, write_
 from occontrol.core.errors import FileAccessError, ProblemError
 from occontrol.core.measurement import Measurement
 from occontrol.core.plant import LinearPlant
+from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
 from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.solution import Solution, Status
@@ -106,7 +107,7 @@ def test_a_run_folder_and_its_result_give_the_schedule_back(tmp_path):
         message="",
         iterations=1,
         seconds=0.0,
-        result={"cost": 1.0, "lower_bound": 0.5, "schedule": schedule.segments()},
+        numbers=PlainResult({"cost": 1.0, "lower_bound": 0.5, "schedule": schedule.segments()}),
         arrays={"times": p.edges, "edges": p.edges, "weights": weights},
         schedule=schedule,
     )

@@ -10,10 +10,11 @@ import numpy as np
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
+from occontrol.families.athans.assembly import assemble
 from occontrol.families.athans.certificate import Claims, false_claims
 from occontrol.families.athans.discretise import discretise, half_predicts
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.families.athans.result import AthansResult, assemble
+from occontrol.families.athans.result import AthansResult
 from occontrol.families.athans.run_method import Found
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 from occontrol.scheduling.sweep import Sweep

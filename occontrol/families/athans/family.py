@@ -48,8 +48,8 @@ class AthansFamily(Family):
         The status is certified, feasible, limit, interrupted or disagrees. Raises InfeasibleError when some interval
         cannot be filled, SolveFailed when nothing usable was found.
         """
+        from occontrol.families.athans.assembly import assemble
         from occontrol.families.athans.discretise import discretise, half_predicts
-        from occontrol.families.athans.result import assemble
         from occontrol.families.athans.run_method import run_method
         from occontrol.scheduling.sweep import Sweep
 
