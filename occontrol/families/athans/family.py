@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from occontrol.core.errors import SolveFailed
+from occontrol.core.errors import ProblemError, SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
@@ -51,20 +51,17 @@ def solve(problem: SchedulingProblem, method: Any = None, monitor: Monitor | Non
     Returns a Solution whose status is certified, feasible, limit, interrupted or disagrees.
     Raises InfeasibleError when some interval cannot be filled, SolveFailed when nothing usable was found.
     """
-    from occontrol.families.athans.discretise import discretise, half_predicts
+    from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
     from occontrol.families.athans.result import assemble
-    from occontrol.families.athans.run_method import run_method
     from occontrol.scheduling.sweep import Sweep
 
-    monitor = monitor or Monitor()
     method = method or problem.method or RelaxRoundPolish()
+    monitor = (monitor or Monitor()).child(getattr(method, "time_limit", None))
     problem.require_feasible()
     started = time.perf_counter()
-    if monitor.time_limit is None and getattr(method, "time_limit", None) is not None:
-        monitor.time_limit = monitor.seconds + method.time_limit
     halves = half_predicts(problem)
     sweep = Sweep(discretise(problem, halves))
-    found = run_method(problem, method, sweep, monitor)
+    found = method.run(problem, sweep, feasible_set(problem), monitor)
     return assemble(problem, method.name, sweep, halves, found, monitor, started)
 
 
@@ -78,11 +75,12 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     claims : what somebody says of it; refuted claims make the status `disagrees`
 
     Returns a Solution with method "certify"; the bound is the better of the schedule's own and a relaxation's.
+    Raises ProblemError when the schedule breaks a window or does not use `select` sensors at a time.
     """
     from occontrol.families.athans.certificate import false_claims
-    from occontrol.families.athans.discretise import discretise, half_predicts
+    from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
+    from occontrol.families.athans.found import Found
     from occontrol.families.athans.result import assemble
-    from occontrol.families.athans.run_method import Found
     from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
     from occontrol.scheduling.sweep import Sweep
 
@@ -90,10 +88,13 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     monitor = Monitor()
     problem, weights = on_common_grid(problem, schedule)
     problem.require_feasible()
+    allowed = feasible_set(problem)
+    if mistakes := allowed.check(weights):
+        raise ProblemError(mistakes)
     halves = half_predicts(problem)
     sweep = Sweep(discretise(problem, halves))
     gap = getattr(problem.method, "relative_gap", 1e-4)
-    relaxed = minimise_relaxed(sweep, None, RelaxedOptions(gap), monitor)
+    relaxed = minimise_relaxed(sweep, allowed, None, RelaxedOptions(gap), monitor)
     found = Found(weights, relaxed.iterations, relaxed.status, "", relaxed, target=gap)
     solution = assemble(problem, "certify", sweep, halves, found, monitor, started)
     if claims is not None and solution.certificate is not None:
