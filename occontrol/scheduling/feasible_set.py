@@ -78,8 +78,7 @@ class FeasibleSet(Protocol):
         ...
 
     def face(self, weights: np.ndarray, gradient: np.ndarray, near: float) -> Face:
-        """The face of `weights` (N, M); weights closer than `near` to a bound that g (N, M) pushes them to stay there.
-        """
+        """The face of `weights` (N, M): what is closer than `near` to a bound and pushed there by g (N, M) stays."""
         ...
 
     def exchange_masks(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

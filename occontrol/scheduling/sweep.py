@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.scheduling import kernels, kernels_blas, kernels_blas_back
+from occontrol.scheduling.criterion import Criterion
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.vectors import padded, width
 
@@ -23,9 +24,22 @@ class Sweep:
 
     The gradient of a sensor that is not available is its cost alone.
     `forward_count` and `backward_count` count sweeps.
+
+    Parameters
+    ----------
+    recursion : Recursion
+    memory_budget : bytes for covariances
+    small : states up to which the loops are used
+    criterion : Criterion of S_K in the place of tr(W S_K); W(S_K) is then found anew for every gradient
     """
 
-    def __init__(self, recursion: Recursion, memory_budget: int = MEMORY_BUDGET, small: int = SMALL):
+    def __init__(
+        self,
+        recursion: Recursion,
+        memory_budget: int = MEMORY_BUDGET,
+        small: int = SMALL,
+        criterion: Criterion | None = None,
+    ):
         r = self.recursion = recursion
         n, N, rows = r.states, len(r.steps), r.rows.shape[1]
         self.small = n <= small
@@ -43,10 +57,8 @@ class Sweep:
         self._store = np.zeros((min(self._segment, N), n, w))
         self._checkpoints = np.zeros((segments if segments > 1 else 0, n, w))
         self._none = np.empty((0, n, w))
-        last = r.transition[r.predict[N]]
-        self.terminal = last.T @ r.terminal @ last
-        self._terminal_noise = float(np.sum(r.terminal * r.noise[r.predict[N]]))
-        self._root = _factor(self.terminal)
+        self._criterion, self._last = criterion, (r.transition[r.predict[N]], r.noise[r.predict[N]])
+        self._weigh(r.terminal if criterion is None else np.eye(n))
         if self.small:
             self._FT = padded(np.swapaxes(r.transition, 1, 2))
             self._work = (np.empty(w),)
@@ -74,6 +86,16 @@ class Sweep:
         self._products = np.empty((0, rows, 1 if self.dense else len(self._root)))
         self.forward_count = self.backward_count = 0
 
+    def _weigh(self, weight: np.ndarray) -> None:
+        """Take W (n, n) as the weight of S_K: `terminal`, W before predict K, and its factor."""
+        F, noise = self._last
+        self.terminal = F.T @ weight @ F
+        self._terminal_noise = float(np.sum(weight * noise))
+        root = _factor(self.terminal)
+        if self._criterion is not None:  # the rank may change from policy to policy, the work space may not
+            root = np.concatenate([root, np.zeros((len(weight) - len(root), len(weight)))])
+        self._root = root
+
     def _forward(self, k0: int, k1: int, weights: np.ndarray, store: np.ndarray) -> float:
         r = self.recursion
         tail = (r.predict, self._rows, r.row_set, r.offsets, r.steps, weights, self._R, r.running_set, store)
@@ -92,6 +114,11 @@ class Sweep:
                 self._checkpoints[s] = self._S
             running += self._forward(k0, k1, weights, self._store if keep and k1 == N else self._none)
         self.forward_count += 1
+        if self._criterion is not None:
+            S = self._S[:, : self._n]
+            F, noise = self._last
+            self._final = F @ S @ F.T + noise
+            return float(np.vdot(r.cost, weights)) + running + self._criterion.value(self._final)
         final = float(np.vdot(self.terminal, self._S[:, : self._n]))
         return float(np.vdot(r.cost, weights)) + running + final + self._terminal_noise
 
@@ -107,6 +134,8 @@ class Sweep:
         r, N, size = self.recursion, len(self.recursion.steps), self._segment
         weights = self._on_steps(weights)
         value = self._run_forward(weights, keep=True)
+        if self._criterion is not None:
+            self._weigh(self._criterion.gradient(self._final))
         gradient = np.empty((N, r.sensors))
         if self.dense:
             P = padded(self.terminal) if self.small else self.terminal.copy()
@@ -152,8 +181,8 @@ class Sweep:
 
     @property
     def foresees_exchanges(self) -> bool:
-        """Whether scheduling/exchange.py applies: a decision is one step, and all covariances fit the memory budget."""
-        return self.recursion.owner is None and self._segment >= len(self.recursion.steps)
+        """Whether scheduling/exchange.py applies: W is given, a decision is one step, all covariances fit in memory."""
+        return self._criterion is None and self.recursion.owner is None and self._segment >= len(self.recursion.steps)
 
     def remember_products(self) -> None:
         """Make every later `cost_and_gradient` keep S+ and, without a running weight, G = C S+ V' of all rows."""
