@@ -79,7 +79,7 @@ class RoundRobin(Baseline):
     dwell: int = 1
 
     def __post_init__(self) -> None:
-        check_options(self, positive=["relative_gap"], at_least={"dwell": 1})
+        check_options(self, positive=["relative_gap"], whole={"dwell": 1})
 
     def policy(self, sweep: Sweep, feasible_set: FeasibleSet) -> np.ndarray:
         """The policy (N, M)."""
@@ -103,7 +103,7 @@ class Random(Baseline):
     seed: int = 1
 
     def __post_init__(self) -> None:
-        check_options(self, positive=["relative_gap"], at_least={"seed": 0})
+        check_options(self, positive=["relative_gap"], whole={"seed": 0})
 
     def policy(self, sweep: Sweep, feasible_set: FeasibleSet) -> np.ndarray:
         """The policy (N, M)."""

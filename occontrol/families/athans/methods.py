@@ -53,7 +53,7 @@ class Relaxed:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        check_options(self, positive=_POSITIVE, at_least={"max_iterations": 1})
+        check_options(self, positive=_POSITIVE, whole={"max_iterations": 1})
 
     def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
         """Nothing: it fits every problem."""
@@ -87,7 +87,7 @@ class RelaxRoundPolish:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        check_options(self, positive=_POSITIVE, at_least={"max_iterations": 1, "polish": 0})
+        check_options(self, positive=_POSITIVE, whole={"max_iterations": 1, "polish": 0})
 
     def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
         """Nothing: it fits every problem."""
@@ -145,8 +145,8 @@ class HMinimal:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        least = {"max_iterations": 1, "tolerance": 0}
-        check_options(self, positive=_POSITIVE, at_least=least, one_of={"start": tuple(STARTS)})
+        whole, starts = {"max_iterations": 1}, {"start": tuple(STARTS)}
+        check_options(self, positive=_POSITIVE, at_least={"tolerance": 0}, whole=whole, one_of=starts)
 
     def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
         """Nothing: it fits every problem."""
@@ -189,8 +189,8 @@ class Collocation:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        least = {"stages": 1, "max_iterations": 1}
-        check_options(self, positive=_POSITIVE, at_least=least, one_of={"scheme": ("radau", "legendre")})
+        whole = {"stages": 1, "max_iterations": 1}
+        check_options(self, positive=_POSITIVE, whole=whole, one_of={"scheme": ("radau", "legendre")})
 
     def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
         """Nothing: it fits every problem, though it is slow for many states."""
@@ -206,3 +206,8 @@ class Collocation:
         found = Found(raw.weights, raw.iterations, raw.status, raw.message, target=self.relative_gap)
         found.extra["collocation_cost"] = float(raw.cost)
         return found
+
+
+METHODS: dict[str, type] = {
+    m.name: m for m in (RelaxRoundPolish, HMinimal, Relaxed, Collocation, BestSingle, RoundRobin, Random, Greedy)
+}

@@ -10,6 +10,7 @@ import numpy as np
 
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.monitor import Monitor
+from occontrol.core.result import PlainResult
 from occontrol.core.solution import Solution
 from occontrol.families.hybrid.data import run_filter, simulate
 from occontrol.families.hybrid.methods import Alternate, ExpectedCovariance, Fixed, Random, Scheduled
@@ -98,7 +99,8 @@ def _best_fixed(problem: Problem, method: Fixed, monitor: Monitor, started: floa
     result = {**best.result, "candidates": candidates}
     message = f"{best.result['sensor']} is the best of {len(solutions)} in average RMS; {best.message}"
     seconds = time.perf_counter() - started
-    return dataclasses.replace(best, result=result, message=message, seconds=seconds, history=tuple(monitor.history))
+    history = tuple(monitor.history)
+    return dataclasses.replace(best, numbers=PlainResult(result), message=message, seconds=seconds, history=history)
 
 
 def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:

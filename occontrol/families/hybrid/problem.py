@@ -200,3 +200,6 @@ class Problem:
 def _nearest(name: Any, known: Sequence[str], kind: str) -> str:
     close = difflib.get_close_matches(str(name), list(known), n=1)
     return f"did you mean '{close[0]}'?" if close else f"the {kind} are: " + ", ".join(known)
+
+
+JumpProblem = Problem  # its name outside of the family

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.hybrid.methods import ExpectedCovariance, Fixed, Random, Scheduled
@@ -109,7 +110,7 @@ def assemble(
         message=message,
         iterations=done,
         seconds=seconds,
-        result=result,
+        numbers=PlainResult(result),
         arrays=_arrays(problem, outcomes, first, schedule, frequency @ member),
         schedule=schedule,
         history=tuple(monitor.history),

@@ -114,11 +114,11 @@ class Document(Strict):
 
 def build(document: Document, context: Context) -> Problem:
     """The problem that the document describes; ProblemError with every mistake."""
-    from occontrol.families import family_module
+    from occontrol.families.hybrid.family import METHODS
 
     found, criterion, truth = context.found, document.criterion, document.simulation.truth
     name = context.title(document.name)
-    method = None if document.method is None else context.method(document.method, family_module("hybrid").METHODS)
+    method = None if document.method is None else context.method(document.method, METHODS)
     expect = context.expect(document.expect)
     if criterion.name != CRITERION:
         found.add(("criterion", "name"), f"unknown criterion '{criterion.name}'", f"known: {CRITERION}")

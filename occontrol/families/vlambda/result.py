@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status
 from occontrol.families.vlambda.problem import Problem
@@ -82,7 +83,7 @@ def finish(
     }
     seconds = time.perf_counter() - began
     return Solution(
-        "vlambda", method, status, message, problem.epochs, seconds, result, arrays, schedule, certificate,
+        "vlambda", method, status, message, problem.epochs, seconds, PlainResult(result), arrays, schedule, certificate,
         tuple(watch.history[before:]),
     )  # fmt: skip
 

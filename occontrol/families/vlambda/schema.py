@@ -88,11 +88,11 @@ class Document(Strict):
 
 def build(document: Document, context: Context) -> Problem:
     """The problem that the document describes; ProblemError with every mistake."""
-    from occontrol.families import family_module
+    from occontrol.families.vlambda.family import METHODS
 
     found, criterion = context.found, document.criterion
     name = context.title(document.name)
-    method = context.method(document.method, family_module("vlambda").METHODS)
+    method = context.method(document.method, METHODS)
     expect = context.expect(document.expect)
     scales = None if document.scales is None else context.vector(document.scales, "scales")
     plant = _plant(document.plant, context)
