@@ -157,6 +157,9 @@ def test_time_left_follows_the_rate_at_which_the_gap_falls() -> None:
     assert "iteration 4" in progress_text(falling) and "about 4 s left" in progress_text(falling)
     assert time_left(at([(float(t), 0.5) for t in range(9)])) is None
     assert time_left(at([(float(t), 0.5) for t in range(9)], limit=10.0)) == pytest.approx(2.0, abs=0.2)
+    running = at([(float(t), 0.5) for t in range(9)])
+    running.deadline = 11.0  # of the method at work
+    assert time_left(running) == pytest.approx(3.0, abs=0.2)
     assert time_left(at([])) is None
     assert progress_text(at([])).startswith("preparing")
 
