@@ -16,9 +16,9 @@ from occontrol.families import FAMILIES, family_module
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from occontrol.core.claims import Claims
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.schedule import Schedule
-    from occontrol.families.athans.certificate import Claims
 
 
 def suggest(name: str, known: Iterable[str]) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.core.result import ResultData
 from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
 
@@ -95,6 +96,7 @@ class Solution:
     iterations : int
     seconds : wall time of the solve
     result : the family's plain numbers, as in result.json (cost, lower_bound, schedule, ...)
+    numbers : the same as the family's result type; None where a run was read from a folder
     arrays : the family's arrays, as in arrays.npz
     schedule : Schedule or None
     certificate : Certificate of the discretised problem, or None
@@ -116,6 +118,7 @@ class Solution:
     history: tuple[Mapping[str, float], ...] = ()
     versions: Mapping[str, str] = field(default_factory=lambda: versions())
     problem: Any = field(default=None, repr=False)
+    numbers: ResultData | None = field(default=None, repr=False)
 
     @property
     def covariance(self) -> Trajectory:

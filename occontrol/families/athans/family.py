@@ -26,9 +26,9 @@ from occontrol.families.athans.methods import (
 from occontrol.families.athans.problem import SchedulingProblem
 
 if TYPE_CHECKING:
+    from occontrol.core.claims import Claims
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.trajectory import Trajectory
-    from occontrol.families.athans.certificate import Claims
     from occontrol.families.athans.tradeoff import Front
 
 Problem = SchedulingProblem
@@ -79,7 +79,7 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
 
     Returns a Solution with method "certify"; the bound is the better of the schedule's own and a relaxation's.
     """
-    from occontrol.families.athans.certificate import false_claims
+    from occontrol.core.claims import false_claims
     from occontrol.families.athans.discretise import discretise, half_predicts
     from occontrol.families.athans.result import assemble
     from occontrol.families.athans.run_method import Found
@@ -126,7 +126,7 @@ def claims_of(problem: SchedulingProblem, solution: Solution) -> Claims:
     ----------
     problem, solution : of the run
     """
-    from occontrol.families.athans.certificate import Claims
+    from occontrol.core.claims import Claims
 
     continuous = solution.result.get("continuous")
     bound = continuous.get("lower_bound") if isinstance(continuous, dict) else None
