@@ -70,7 +70,12 @@ REFUSALS = [
     ("", "", "method: {name: fixed, sequence: [one, two, three, 1]}\n", "x.yaml:12:44: there is no sensor 'three'"),
     ("", "", "method: {name: fixed, sequence: [1, 2, 3, 1]}\n", "sensor number 3 does not exist"),
     ("", "", "method: {name: optimall}\n", "unknown method 'optimall'"),
-    ("", "", "method: {name: optimal, width: 0}\n", "width is 0, it must be at least 1"),
+    (
+        "",
+        "",
+        "method: {name: optimal, width: 0}\n",
+        "x.yaml:12:32: width of method optimal is 0\n  hint: a whole number, at least 1",
+    ),
     ("", "", "method: {name: optimal, depth: 3}\n", "unknown option 'depth' of method 'optimal'"),
 ]
 
