@@ -76,7 +76,8 @@ class Robust(Family):
 
             solution = unobservable_solution(problem, method.name, method.stated(problem))
         else:
-            solution = method.run(problem, slots, monitor or Monitor())
+            watch = (monitor or Monitor()).child(method.time_limit)
+            solution = method.run(problem, slots, watch)
         return dataclasses.replace(solution, seconds=time.perf_counter() - began)
 
     def describe(self, problem: Problem) -> list[tuple[str, str]]:

@@ -58,8 +58,6 @@ class Optimal(SwitchingMethod):
         from occontrol.families.robust.search import SearchOptions, search
         from occontrol.families.robust.slots import one_step
 
-        if monitor.time_limit is None and self.time_limit is not None:
-            monitor.time_limit = monitor.seconds + self.time_limit
         greedy = one_step(slots, problem.plant.weight, problem.plant.center, problem.plant.level)
         options = SearchOptions(self.relative_gap, self.merge_above, self.width, self.node_limit)
         found = search(slots, [greedy], options, monitor)

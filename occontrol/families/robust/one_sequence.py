@@ -23,6 +23,7 @@ class SwitchingMethod:
     """What the methods of this family share: `run` makes a Solution from the problem and its table of slots."""
 
     name: ClassVar[str]
+    time_limit: float | None = None  # seconds; an option of those that may take long
 
     def check(self, problem: Problem) -> Sequence[Mistake]:
         """What is wrong with the options for `problem`, paths below `method`; its horizon may itself be wrong."""

@@ -9,6 +9,7 @@ import pytest
 
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.method import Method
+from occontrol.core.monitor import Monitor
 from occontrol.core.sensor import Sensor
 from occontrol.families.athans.methods import Random as RandomOfAthans
 from occontrol.families.family import Ability
@@ -35,12 +36,12 @@ def oscillator(gain=1.0, **changes):
     ("kind", "options", "words"),
     [
         (Optimal, {"relative_gap": -1.0}, "relative_gap of method optimal is -1.0\n  hint: a number of at least 0"),
-        (Optimal, {"node_limit": 0}, "node_limit of method optimal is 0\n  hint: a whole number, at least 1"),
-        (Optimal, {"width": 2.5}, "width of method optimal is 2.5\n  hint: a whole number, at least 1"),
+        (Optimal, {"node_limit": 0}, "node_limit of method optimal is 0\n  hint: a whole number of at least 1"),
+        (Optimal, {"width": 2.5}, "width of method optimal is 2.5\n  hint: a whole number of at least 1"),
         (Optimal, {"time_limit": 0}, "time_limit of method optimal is 0\n  hint: a number above 0"),
         (RelaxedShares, {"relative_gap": float("nan")}, "relative_gap of method relaxed is nan"),
         (All, {"limit": True}, "limit of method all is True"),
-        (Random, {"seed": -1}, "seed of method random is -1\n  hint: a whole number, at least 0"),
+        (Random, {"seed": -1}, "seed of method random is -1\n  hint: a whole number of at least 0"),
     ],
 )
 def test_an_option_without_sense_is_refused_by_its_name(kind, options, words):
@@ -99,6 +100,13 @@ def test_a_result_is_frozen_data_and_reads_back(gain, method, kind):
     assert FAMILY.summarise(oscillator(gain), bare) == FAMILY.summarise(oscillator(gain), found)
     assert pickle.loads(pickle.dumps(numbers)).as_dict() == numbers.as_dict()
     assert ("escape_time" in written) == (gain > 1 and method == "round-robin")
+
+
+def test_the_time_limit_of_a_method_stays_with_it():
+    monitor = Monitor()
+    found = FAMILY.solve(oscillator(), Optimal(time_limit=1e-9), monitor)
+    assert monitor.time_limit is None and not monitor.timed_out
+    assert found.result["lower_bound"] <= FAMILY.solve(oscillator(), Optimal(), monitor).cost <= found.cost
 
 
 def test_the_family_declares_what_it_can():

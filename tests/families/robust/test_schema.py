@@ -74,7 +74,7 @@ REFUSALS = [
         "",
         "",
         "method: {name: optimal, width: 0}\n",
-        "x.yaml:12:32: width of method optimal is 0\n  hint: a whole number, at least 1",
+        "x.yaml:12:32: width of method optimal is 0\n  hint: a whole number of at least 1",
     ),
     ("", "", "method: {name: optimal, depth: 3}\n", "unknown option 'depth' of method 'optimal'"),
 ]
