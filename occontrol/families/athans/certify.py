@@ -7,12 +7,12 @@ import time
 
 import numpy as np
 
+from occontrol.core.claims import Claims, false_claims
 from occontrol.core.errors import ProblemError
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.assembly import assemble
-from occontrol.families.athans.certificate import Claims, false_claims
 from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.problem import SchedulingProblem

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from occontrol.core.claims import Claims
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.monitor import Monitor
     from occontrol.core.trajectory import Trajectory
-    from occontrol.families.athans.certificate import Claims
     from occontrol.families.athans.filter.online import MatchedFilter
     from occontrol.families.athans.tradeoff import Front
 

@@ -5,11 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
+from occontrol.core.claims import Claims, false_claims
 from occontrol.core.monitor import Monitor
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.solution import Status
-from occontrol.families.athans.certificate import Claims, false_claims
 from occontrol.families.athans.discretise import discretise, feasible_set
 from occontrol.families.athans.family import METHODS, solve
 from occontrol.families.athans.methods import HMinimal, Relaxed, RelaxRoundPolish
