@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.core.result import ResultData
 from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
 
@@ -101,6 +102,7 @@ class Solution:
     history : one record per reported iteration: {iteration, cost, lower_bound, seconds}
     versions : of this package and of the libraries below it
     problem : the problem that was solved, so that a solution can be drawn and filtered by itself
+    numbers : `result` as the family's own dataclass; None where a run was read from a folder
     """
 
     family: str
@@ -116,6 +118,7 @@ class Solution:
     history: tuple[Mapping[str, float], ...] = ()
     versions: Mapping[str, str] = field(default_factory=lambda: versions())
     problem: Any = field(default=None, repr=False)
+    numbers: ResultData | None = field(default=None, repr=False)
 
     @property
     def covariance(self) -> Trajectory:

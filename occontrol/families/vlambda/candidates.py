@@ -9,16 +9,19 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from occontrol.core.errors import InfeasibleError, SolveFailed
 from occontrol.families.vlambda.epoch_kernel import LARGEST_EIGENVALUE, TRACE, expand
 from occontrol.families.vlambda.placement import grid_of
-from occontrol.families.vlambda.sampled_plant import SampledPlant
+from occontrol.families.vlambda.sampled_plant import SampledPlant, semidefinite_root
 from occontrol.families.vlambda.sensor_choice import MOST_SUBSETS, Choice, Epoch, best_of, subsets
 from occontrol.families.vlambda.sequence_search import SequenceProblem, search
+
+if TYPE_CHECKING:
+    from occontrol.families.vlambda.problem import Problem
 
 MOST_NUMBERS = 40_000_000  # entries of all candidates' rows, 320 MB
 
@@ -107,8 +110,7 @@ class CandidateSet:
         for c, candidate in enumerate(self.candidates):
             stacked = [self._of(known, j, candidate.locations.get(j)) for j in candidate.sensors]
             rows[c, :, : heights[c]] = np.concatenate(stacked, axis=1)
-        values, vectors = np.linalg.eigh(plant.covariance)
-        root = np.ascontiguousarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
+        root = np.ascontiguousarray(semidefinite_root(plant.covariance[None])[0])
         together = np.ascontiguousarray(np.concatenate(list(known.values()), axis=1))
         return SequenceProblem(root, plant.transition, plant.noise_root, self.starts, rows, together, self.kind)
 
@@ -135,8 +137,8 @@ class CandidateSet:
         )
 
 
-def candidate_set(problem: Any, grid: int) -> CandidateSet:
-    """The candidates of a problem (with sampled, starts, select, criterion), locations on a grid."""
+def candidate_set(problem: Problem, grid: int) -> CandidateSet:
+    """The candidates of a `problem`, locations on a `grid` of so many along each coordinate."""
     kind = TRACE if problem.criterion == "trace" else LARGEST_EIGENVALUE
     return CandidateSet(problem.sampled, problem.starts, problem.select, kind, grid)
 

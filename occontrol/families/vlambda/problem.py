@@ -14,6 +14,7 @@ from occontrol.core.errors import Collector, Mistake
 from occontrol.core.plant import DiscretePlant
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import TableSignal
+from occontrol.families.vlambda.methods import METHODS, Optimal, Rule
 from occontrol.families.vlambda.sampled_plant import SampledPlant, sample_plant
 from occontrol.families.vlambda.sensor import DiscreteSensor
 
@@ -36,7 +37,7 @@ class Problem:
     select : sensors used at a time
     criterion : "largest-eigenvalue" or "trace" of P(k|k), summed over k; what `cost` is
     scales : (n,) size of one unit of each state: eigenvalues and traces are those of P_ij / (s_i s_j)
-    method : an options object of METHODS, or None for the default
+    method : an object of one of METHODS (methods.py), or None for the default
     expect : the known answer, if any
 
     Raises ProblemError naming every mistake by its place in a problem file.
@@ -51,7 +52,7 @@ class Problem:
     select: int = 1
     criterion: str = CRITERIA[0]
     scales: Any = None
-    method: Any = None
+    method: Rule | Optimal | None = None
     expect: Mapping[str, Any] | None = None
     family: str = field(default="vlambda", init=False)
 
@@ -108,8 +109,12 @@ class Problem:
         return found
 
     def _method(self) -> list[Mistake]:
-        check = getattr(self.method, "check", None)
-        return [] if check is None else [m.under("method") for m in check(self)]
+        if self.method is None:
+            return []
+        if type(self.method) not in METHODS.values():
+            what = f"{type(self.method).__name__} is not a method of family {self.family}"
+            return [Mistake(("method",), what, "there are: " + ", ".join(METHODS))]
+        return [m.under("method") for m in self.method.check(self)]
 
     def _values(self) -> list[Mistake]:
         """Definiteness and finiteness at every k."""

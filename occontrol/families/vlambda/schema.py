@@ -9,6 +9,7 @@ from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
 from occontrol.core.errors import Path
 from occontrol.core.plant import DiscretePlant
+from occontrol.families.vlambda.methods import METHODS
 from occontrol.families.vlambda.problem import CRITERIA, Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor, LocatedMatrix, Region
 from occontrol.files.schema.common import (
@@ -88,11 +89,9 @@ class Document(Strict):
 
 def build(document: Document, context: Context) -> Problem:
     """The problem that the document describes; ProblemError with every mistake."""
-    from occontrol.families import family_module
-
     found, criterion = context.found, document.criterion
     name = context.title(document.name)
-    method = context.method(document.method, family_module("vlambda").METHODS)
+    method = context.method(document.method, METHODS)
     expect = context.expect(document.expect)
     scales = None if document.scales is None else context.vector(document.scales, "scales")
     plant = _plant(document.plant, context)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from occontrol.api import choose_method, run_filter, simulate, solve
+from occontrol.api import run_filter, simulate, solve
 from occontrol.core.plant import DiscretePlant
 from occontrol.families.hybrid import problem as hybrid_problem
 from occontrol.families.hybrid.plant import JumpPlant, Mode
@@ -66,7 +66,7 @@ def test_of_many_sensors_those_in_use_have_a_row_and_a_colour(make) -> None:
     ]
     assert list(reversed(used)) in rows
     assert all(len(texts) < 50 for texts in rows)
-    others = {name: solve(problem, choose_method(problem, name)) for name in ("random", "fixed")}
+    others = {name: solve(problem, name) for name in ("random", "fixed")}
     figure = compare_figure(problem, others)
     figure.canvas.draw()
     width = figure.bbox.width
