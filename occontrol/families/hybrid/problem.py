@@ -13,6 +13,7 @@ from occontrol.core.checks import check_covariance, check_covariance_signal, che
 from occontrol.core.errors import Collector, Mistake, ProblemError
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import TableSignal, as_signal
+from occontrol.families.hybrid.methods import METHODS, GroupMethod
 from occontrol.families.hybrid.plant import JumpPlant
 from occontrol.families.hybrid.probabilities import check_vector
 
@@ -38,7 +39,7 @@ class Problem:
     runs, seed : of the simulation
     truth_mean, truth_covariance, truth_mode : of the true state at k = 0, and the name of its mode; those of the plant,
         and a mode drawn from its probabilities, if left out
-    method : an options object of METHODS, or None for the default
+    method : an object of one of METHODS (methods.py), or None for the default
     expect : known values and their source, if any
 
     Raises ProblemError naming every mistake by its place in a problem file. Liu & Hwang, sections II and IV.
@@ -56,7 +57,7 @@ class Problem:
     truth_mean: Any = None
     truth_covariance: Any = None
     truth_mode: str | None = None
-    method: Any = None
+    method: GroupMethod | None = None
     expect: Mapping[str, Any] | None = None
     family: str = field(default="hybrid", init=False)
 
@@ -82,10 +83,17 @@ class Problem:
         found.mistakes += self._position() + self._groups() + self._truth() + self._sensors() + self._values()
         if not (np.isfinite(self.position_weight) and self.position_weight >= 0):
             found.add(("criterion", "position_weight"), f"position_weight is {self.position_weight:g}", "at least 0")
-        if not found.mistakes and getattr(self.method, "sensor", None) is not None:
-            with found.under("method"):
-                self.group_named(self.method.sensor)
+        if not found.mistakes:
+            found.mistakes += self._method()
         found.raise_if_any()
+
+    def _method(self) -> list[Mistake]:
+        if self.method is None:
+            return []
+        if type(self.method) not in METHODS.values():
+            what = f"{type(self.method).__name__} is not a method of family {self.family}"
+            return [Mistake(("method",), what, "there are: " + ", ".join(METHODS))]
+        return [m.under("method") for m in self.method.check(self)]
 
     def _position(self) -> list[Mistake]:
         n, entries = self.plant.states, list(self.position or ())

@@ -57,10 +57,10 @@ class VLambda(Family):
         Returns Solution. Raises InfeasibleError when a movable sensor has nowhere to be, SolveFailed when a search
         would be too large, UsageError for a method of another family, ProblemError for options that do not fit.
         """
-        chosen, watch = self._fitting(problem, method), Monitor() if monitor is None else monitor
-        before, began = len(watch.history), time.perf_counter()
+        chosen, watch = self._fitting(problem, method), (monitor or Monitor()).child()
+        began = time.perf_counter()
         outcome = chosen.run(problem, watch)
-        return assemble(problem, outcome, method=chosen.name, began=began, history=tuple(watch.history[before:]))
+        return assemble(problem, outcome, method=chosen.name, began=began, history=tuple(watch.history))
 
     def _fitting(self, problem: Problem, method: Rule | Optimal | str | None) -> Rule | Optimal:
         chosen = self.choose(problem, method)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from occontrol.core.monitor import Monitor
@@ -37,14 +35,14 @@ def best_sequence(
     """
     candidates = candidate_set(problem, grid)
     known = [] if problem.movable else [_own_sequence(problem, candidates)]
-    with _limited(monitor, time_limit):
-        found = search(candidates.problem, incumbents=known, width=width, max_nodes=max_nodes, monitor=monitor)
-        timed_out = monitor.timed_out
+    watch = monitor.child(time_limit)
+    found = search(candidates.problem, incumbents=known, width=width, max_nodes=max_nodes, monitor=watch)
+    timed_out = watch.timed_out
     chosen = [candidates.candidates[c] for c in found.sequence]
     chooser = SequenceChooser(tuple(c.sensors for c in chosen), tuple(c.locations for c in chosen))
     selection = _run(problem, chooser)
     status, message, holds_for = Status.CERTIFIED, "no sequence of choices is better", None
-    if monitor.interrupted:
+    if watch.interrupted:
         status, message = Status.INTERRUPTED, "the best so far"
     elif not found.proven:
         limit = "time_limit" if timed_out else "max_nodes" if found.stopped else "width"
@@ -66,19 +64,6 @@ def best_sequence(
         bound_holds_for=holds_for,
     )
     return Outcome(selection, status, message, proof)
-
-
-@contextmanager
-def _limited(monitor: Monitor, seconds: float | None) -> Iterator[None]:
-    """The monitor with the tighter of its own limit and `seconds` from now on; as it was afterwards."""
-    outer = monitor.time_limit
-    if seconds is not None:
-        inner = monitor.seconds + seconds
-        monitor.time_limit = inner if outer is None else min(inner, outer)
-    try:
-        yield
-    finally:
-        monitor.time_limit = outer
 
 
 def _run(problem: Problem, chooser: Chooser) -> Selection:
