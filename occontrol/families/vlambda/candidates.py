@@ -16,7 +16,7 @@ import numpy as np
 from occontrol.core.errors import InfeasibleError, SolveFailed
 from occontrol.families.vlambda.epoch_kernel import LARGEST_EIGENVALUE, TRACE, expand
 from occontrol.families.vlambda.placement import grid_of
-from occontrol.families.vlambda.sampled_plant import SampledPlant, semidefinite_root
+from occontrol.families.vlambda.sampled_plant import SampledPlant
 from occontrol.families.vlambda.sensor_choice import MOST_SUBSETS, Choice, Epoch, best_of, subsets
 from occontrol.families.vlambda.sequence_search import SequenceProblem, search
 
@@ -110,7 +110,8 @@ class CandidateSet:
         for c, candidate in enumerate(self.candidates):
             stacked = [self._of(known, j, candidate.locations.get(j)) for j in candidate.sensors]
             rows[c, :, : heights[c]] = np.concatenate(stacked, axis=1)
-        root = np.ascontiguousarray(semidefinite_root(plant.covariance[None])[0])
+        values, vectors = np.linalg.eigh(plant.covariance)
+        root = np.ascontiguousarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
         together = np.ascontiguousarray(np.concatenate(list(known.values()), axis=1))
         return SequenceProblem(root, plant.transition, plant.noise_root, self.starts, rows, together, self.kind)
 

@@ -200,7 +200,7 @@ class VLambda(Family):
 
         >>> loop = FAMILY.online(problem)                # doctest: +SKIP
         >>> done = loop.step({"one": [0.3, 0.1]})        # doctest: +SKIP
-        >>> done.mean, done.next_sensors                 # doctest: +SKIP
+        >>> done.next_sensors                            # doctest: +SKIP
         """
         from occontrol.families.vlambda.online import OnlineSelector
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.errors import Mistake, ProblemError, suggest
 from occontrol.core.method import check_options
 from occontrol.core.monitor import Monitor
 from occontrol.families.vlambda.baselines import FixedChooser, RandomChooser, RoundRobinChooser, SequenceChooser
@@ -95,7 +95,7 @@ class Fixed(Rule):
         known = problem.sensors.names
         unknown = [name for name in self.names if name not in known]
         if unknown:
-            return [Mistake(("sensor",), f"there is no sensor '{unknown[0]}'", "there are: " + ", ".join(known))]
+            return [Mistake(("sensor",), f"there is no sensor '{unknown[0]}'", suggest(unknown[0], known))]
         if len(set(self.names)) != len(self.names):
             return [Mistake(("sensor",), "a sensor is named twice")]
         if len(self.names) != problem.select:

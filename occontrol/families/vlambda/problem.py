@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_covariance_signal, check_finite
-from occontrol.core.errors import Collector, Mistake
+from occontrol.core.errors import Collector, Mistake, plural
 from occontrol.core.plant import DiscretePlant
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import TableSignal
@@ -76,7 +76,7 @@ class Problem:
         if len(scales) != n:
             found.add(
                 ("scales",),
-                f"scales has {_entries(len(scales))}, the plant has {n} state{'s' * (n != 1)}",
+                f"scales has {_entries(len(scales))}, the plant has {plural(n, 'state')}",
                 "one entry per state",
             )
         elif not (np.all(np.isfinite(scales)) and np.all(scales > 0)):
@@ -96,10 +96,10 @@ class Problem:
         for j, sensor in enumerate(self.sensors):
             if sensor.H.shape[1] != n:
                 rows, columns = sensor.H.shape
-                what = f"H of sensor '{sensor.name}' is {rows}x{columns}, but the plant has {n} state{'s' * (n != 1)}"
+                what = f"H of sensor '{sensor.name}' is {rows}x{columns}, but the plant has {plural(n, 'state')}"
                 found.append(Mistake(("sensors", j, "H"), what, "a row of H has one entry per state"))
         if isinstance(self.select, bool) or int(self.select) != self.select or not 1 <= self.select <= count:
-            what = f"select is {self.select}, there {'is' if count == 1 else 'are'} {count} sensor{'s' * (count != 1)}"
+            what = f"select is {self.select}, there {'is' if count == 1 else 'are'} {plural(count, 'sensor')}"
             found.append(Mistake(("select",), what, f"1 <= select <= {count}"))
         for path, signal in self.signals.items() if whole else ():
             if isinstance(signal, TableSignal) and not signal.covers(0.0, float(self.steps - 1)):

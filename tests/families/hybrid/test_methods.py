@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -166,3 +167,9 @@ def test_the_limit_of_fixed_is_one_for_each_group():
     solution = FAMILY.solve(make(runs=400_000, steps=25), Fixed(time_limit=0.2))
     assert solution.status is Status.LIMIT
     assert solution.message.startswith(f"{numbers_of(solution).sensor} is the best of 2 in average RMS; ")
+
+
+def test_the_readme_names_every_file_of_the_family():
+    folder = Path(__file__).parents[3] / "occontrol" / "families" / FAMILY.name
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    assert [p.name for p in folder.glob("*.py") if p.name != "__init__.py" and f"`{p.name}`" not in text] == []

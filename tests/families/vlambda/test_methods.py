@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -175,3 +176,9 @@ def test_result_keys_keep_their_order_and_come_back_from_a_file(problem, method)
     assert certified.cost == pytest.approx(solution.cost, rel=1e-12)
     assert certified.status is not Status.DISAGREES
     assert list(certified.result) == [*KEYS, *([] if problem.movable else ["lower_bound", "nodes", "relative_gap"])]
+
+
+def test_the_readme_names_every_file_of_the_family():
+    folder = Path(__file__).parents[3] / "occontrol" / "families" / FAMILY.name
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    assert [p.name for p in folder.glob("*.py") if p.name != "__init__.py" and f"`{p.name}`" not in text] == []
