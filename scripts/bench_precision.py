@@ -11,19 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.api import read_problem
 from occontrol.families.precision.ensemble import EnsembleFilter
-from occontrol.families.precision.family import Problem
 from occontrol.families.precision.measurement import NonlinearMeasurement
 from occontrol.families.precision.normal_form import NormalForm, reduced_form
 from occontrol.families.precision.plant import NonlinearPlant
-from occontrol.families.precision.program import PrecisionProgram, examine, solve_program
-from occontrol.families.precision.text import first_moments
+from occontrol.families.precision.problem import Problem
+from occontrol.families.precision.program import Program, examine, solve_program
+from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 
 
-def lorenz96(size: int, factor: float = 0.6) -> PrecisionProgram:
+def lorenz96(size: int, factor: float = 0.6) -> Program:
     """One step of a Lorenz-96 ring of `size` states, each with a sigmoid sensor; 2 size + 1 members."""
     rng = np.random.default_rng(size)
     directions = np.linalg.qr(rng.standard_normal((size, size)))[0]
@@ -34,13 +33,13 @@ def lorenz96(size: int, factor: float = 0.6) -> PrecisionProgram:
     measurement = NonlinearMeasurement(size, model="sigmoid")
     options = EnsembleFilter(members=2 * size + 1)
     problem = Problem("ring", plant=plant, measurement=measurement, filter=options, bound_factor=factor)
-    return problem.program(first_moments(problem))
+    return problem.program(problem.first_moments())
 
 
-def from_file(name: str) -> PrecisionProgram:
+def from_file(name: str) -> Program:
     """The first batch of a problem file, without its caps."""
     problem = replace(read_problem(PROBLEMS / f"{name}.yaml"), caps=None, prices=None, fixed=None)
-    return problem.program(first_moments(problem))
+    return problem.program(problem.first_moments())
 
 
 def by_cvxpy(form: NormalForm) -> float:
@@ -72,7 +71,7 @@ def rows(quick: bool = False) -> list[dict]:
     ----------
     quick : leave out what takes longer than a few seconds (Clarabel and CVXPY at 60 rows, rings above 100)
     """
-    cases: list[tuple[str, PrecisionProgram, bool]] = [
+    cases: list[tuple[str, Program, bool]] = [
         ("Lorenz-96, one step", from_file("lorenz96_enkf"), True),
         ("Lorenz-96, batch of three", from_file("lorenz96_enkf_batch3"), not quick),
     ]

@@ -12,7 +12,7 @@ import numpy as np
 
 from occontrol.api import read_problem
 from occontrol.families.vlambda.candidates import candidate_set
-from occontrol.families.vlambda.family import solve
+from occontrol.families.vlambda.family import FAMILY
 from occontrol.families.vlambda.filter import EigenfactorFilter
 from occontrol.families.vlambda.methods import Optimal
 from occontrol.families.vlambda.sequence_search import SequenceProblem, search
@@ -112,7 +112,7 @@ def _search(quick: bool) -> dict[str, Any]:
 def _long_search() -> dict[str, Any]:
     problem = read_problem(PROBLEMS / "oshman_every_step.yaml")
     started = time.perf_counter()
-    solution = solve(problem, Optimal())
+    solution = FAMILY.solve(problem, Optimal())
     return {
         "case": "exact search stopped by its width, 3^300 sequences",
         "search_nodes": solution.result["nodes"],

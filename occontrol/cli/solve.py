@@ -95,7 +95,8 @@ def run_method(problem: Any, name: str | None, monitor: Watched) -> Solution:
     from occontrol.api import solve as call_solve
 
     method = choose_method(problem, name)
-    monitor.target = getattr(method, "relative_gap", None)
+    monitor.target, limit = getattr(method, "relative_gap", None), getattr(method, "time_limit", None)
+    monitor.deadline = None if limit is None else monitor.seconds + limit
     return call_solve(problem, method, monitor)
 
 

@@ -17,10 +17,9 @@ from matplotlib.figure import Figure
 
 from occontrol.api import read_problem
 from occontrol.families.precision.ensemble import EnsembleFilter
-from occontrol.families.precision.family import Problem
 from occontrol.families.precision.moments import Moments
-from occontrol.families.precision.program import PrecisionResult, solve_program
-from occontrol.families.precision.text import first_moments
+from occontrol.families.precision.problem import Problem
+from occontrol.families.precision.program import Outcome, solve_program
 from occontrol.families.precision.unscented import UnscentedFilter
 from occontrol.files.figures import save
 from occontrol.files.figures.style import SLIDE, house_style, new_figure
@@ -36,7 +35,7 @@ FIGURES: dict[int, tuple[str, Any, int, float, int]] = {
 CAPS = (np.inf, 3.0, 2.5, 2.0, 1.8, 1.7, 1.6)
 
 
-def sweep(problem: Problem, moments: Moments, factors: np.ndarray) -> list[PrecisionResult]:
+def sweep(problem: Problem, moments: Moments, factors: np.ndarray) -> list[Outcome]:
     """Solve the same batch for one bound after another."""
     program, base = problem.program(moments), problem.plant.covariance  # type: ignore[union-attr]
     return [solve_program(replace(program, bound=factor * base)) for factor in factors]
@@ -47,10 +46,10 @@ def setting(filter_: Any, batch: int, cap: float) -> tuple[Problem, Moments]:
     problem = replace(
         read_problem(PROBLEM), filter=filter_, batch=batch, caps=None if np.isinf(cap) else cap, prices=None, fixed=None
     )
-    return problem, first_moments(problem)
+    return problem, problem.first_moments()
 
 
-def heat_map(title: str, text: str, factors: np.ndarray, results: list[PrecisionResult], batch: int) -> Figure:
+def heat_map(title: str, text: str, factors: np.ndarray, results: list[Outcome], batch: int) -> Figure:
     """Rows: sensors, blocks of steps from the first on top; columns: bounds from loose to tight, as in the paper."""
     values = np.array([np.full(20 * batch, np.nan) if r.precisions is None else r.precisions for r in results]).T
     figure = new_figure(SLIDE, title, text)

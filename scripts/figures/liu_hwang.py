@@ -17,9 +17,9 @@ from matplotlib.patches import Ellipse
 
 from occontrol.api import read_problem
 from occontrol.core.solution import Solution
-from occontrol.families.hybrid import family as hybrid
 from occontrol.families.hybrid.bhattacharyya import error_bound
 from occontrol.families.hybrid.equations import propagate
+from occontrol.families.hybrid.family import FAMILY as hybrid
 from occontrol.families.hybrid.methods import Alternate, ExpectedCovariance, Fixed, Random, Scheduled
 from occontrol.families.hybrid.monte_carlo import run_some
 from occontrol.families.hybrid.problem import Problem

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from occontrol.api import compare_figure, read_problem, solve
-from occontrol.families.vlambda.family import method_named
-from occontrol.files.figures import save, style
+from occontrol.api import solve
+from occontrol.files.figures import compare_figure, save, style
 from occontrol.files.figures.style import tidy_time_axis
+from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -21,7 +21,7 @@ def main(folder: Path) -> int:
     """Draw the figures into `folder` and print the comparison; 0 when the choices are the paper's."""
     problem = read_problem(PROBLEMS / "oshman_example.yaml")
     names = ["eigenspace", "fixed:one", "fixed:two", "fixed:three", "round-robin", "trace", "lookahead", "optimal"]
-    runs = {name: solve(problem, method_named(problem, name) or name) for name in names}
+    runs = {name: solve(problem, name) for name in names}
     chosen = [problem.sensors.index(entry["sensors"][0]) + 1 for entry in runs["eigenspace"].result["schedule"]]
     print("figure 1, selected subsystem at k = 0, 25, ..:", *chosen)
     print("the exact search over 3^12 sequences agrees:", chosen == _numbers(problem, runs["optimal"]))

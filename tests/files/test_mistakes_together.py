@@ -130,4 +130,4 @@ def test_options_of_a_method_with_an_unknown_one(tmp_path):
         tmp_path, ROBUST.replace("{name: fixed, sequence: [a, b, a, b]}", "{name: optimal, widht: 3, node_limit: 0}")
     )
     assert "unknown option 'widht'" in text
-    assert "node_limit is 0, it must be at least 1" in text
+    assert "node_limit of method optimal is 0\n  hint: a whole number of at least 1" in text

@@ -7,15 +7,18 @@ import numpy as np
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
-from occontrol.families.athans.certificate import judge, policy_certificate
-from occontrol.families.athans.discretise import HalfPredicts, prediction_weight
+from occontrol.families.athans.certificate import judge
+from occontrol.families.athans.discretise import HalfPredicts, feasible_set, prediction_weight
 from occontrol.families.athans.filter.gains import filter_gains
+from occontrol.families.athans.found import Found
+from occontrol.families.athans.node_path import node_path
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers
-from occontrol.families.athans.run_method import Found
+from occontrol.scheduling.bounds import policy_certificate
+from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.hminimal import polish
-from occontrol.scheduling.rounding import singular_intervals, sum_up_rounding
-from occontrol.scheduling.sweep import Sweep, node_path
+from occontrol.scheduling.rounding import singular_intervals
+from occontrol.scheduling.sweep import Sweep
 
 
 def assemble(
@@ -38,10 +41,10 @@ def assemble(
     monitor : Monitor
     started : time.perf_counter() at the start
     """
-    r, v = sweep.recursion, found.weights
+    r, v, allowed = sweep.recursion, found.weights, feasible_set(problem)
     relaxed = found.relaxed
     known = max(found.bound, relaxed.lower_bound if relaxed is not None else -np.inf)
-    certificate = policy_certificate(sweep, v, known)
+    certificate = policy_certificate(sweep, allowed, v, known)
     monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
     # whoever interrupts waits for one re-integration, not for two
     better = relaxed.weights if relaxed is not None and not monitor.interrupted else None
@@ -51,11 +54,13 @@ def assemble(
     if status is Status.CERTIFIED and not found.proves and certificate.relative_gap > found.target:
         status = Status.FEASIBLE
     schedule = Schedule(problem.edges, v, tuple(problem.sensors.names))
-    singular = _singular_fraction(sweep, relaxed.weights if relaxed is not None else v, v, monitor)
+    singular = _singular_fraction(sweep, allowed, relaxed.weights if relaxed is not None else v, v, monitor)
     observation = float(np.vdot(r.cost, v))
     error = float(np.vdot(r.terminal, path.covariance[-1]))
     continuous = judged.certificate
-    if not judged.agrees:
+    if certificate.contradicts:
+        status, message = Status.DISAGREES, certificate.text
+    elif not judged.agrees:
         status, message = Status.DISAGREES, judged.text
     elif not _adds_up(certificate.cost, observation, error, r.running.shape[0] > 0):
         status, message = Status.DISAGREES, _SPOILT
@@ -107,12 +112,14 @@ def assemble(
     )
 
 
-def _singular_fraction(sweep: Sweep, relaxed: np.ndarray, weights: np.ndarray, monitor: Monitor) -> float:
+def _singular_fraction(
+    sweep: Sweep, allowed: FeasibleSet, relaxed: np.ndarray, weights: np.ndarray, monitor: Monitor
+) -> float:
     """Share of the horizon on singular arcs of the relaxed optimum."""
     r = sweep.recursion
     rounded = weights
     if weights is relaxed or not np.array_equal(weights, np.round(weights)):
-        rounded = polish(sweep, sum_up_rounding(relaxed, r.steps, r.upper, r.select), 50, monitor.silent()).weights
+        rounded = polish(sweep, allowed, allowed.round(relaxed), 50, monitor.child(silent=True)).weights
     singular = singular_intervals(relaxed, rounded)
     return float(np.sum(r.steps[singular]) / np.sum(r.steps))
 

@@ -1,46 +1,28 @@
-"""Cost, lower bound and gap of a policy: of the discretised problem, and independently in continuous time.
+"""Cost, lower bound and gap of a policy in continuous time, independently of the grid's (scheduling/bounds.py).
 
-Discretised: J(v) - sum_k [v_k.g_k - min_w w.g_k] for any v, so also the relaxation's bound holds for every schedule on
-the grid. Continuous: covariance and costate re-integrated by continuous/reintegration.py, which shares no numerics with
-the recursion; only that bound holds for all switching times. The two costs must agree within the discretisation error,
-which is measured by halving every interval.
+Covariance and costate are re-integrated by continuous/reintegration.py, which shares no numerics with the recursion;
+only that bound holds for all switching times. The two costs must agree within the discretisation error, which is
+measured by halving every interval.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from occontrol.core.schedule import Schedule
 from occontrol.core.signal import TableSignal
-from occontrol.core.solution import Certificate
+from occontrol.core.solution import ALLOWANCE, Certificate
 from occontrol.families.athans.continuous.reintegration import ContinuousCheck, reintegrate
 from occontrol.families.athans.discretise import discretise
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.polytope import excess
+from occontrol.scheduling.bounds import at_least_zero
 from occontrol.scheduling.sweep import Sweep
 
 SAFETY = 5.0
 FEW = 512  # intervals
 RELATIVE = 1e-6
-
-
-def policy_certificate(sweep: Sweep, weights: np.ndarray, known_bound: float = -np.inf) -> Certificate:
-    """Cost of a policy and the better of its own lower bound and one known already.
-
-    Parameters
-    ----------
-    sweep : Sweep
-    weights : (N, M) policy in V
-    known_bound : a proven lower bound of the same recursion, if any
-    """
-    r = sweep.recursion
-    J, g = sweep.cost_and_gradient(weights)
-    own = J - float(np.sum(excess(weights, g, r.upper, r.select)))
-    # no cost is negative (q, R and W are not); a bound may exceed the cost by rounding only
-    return Certificate(J, min(max(own, known_bound, 0.0), J))
 
 
 def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: float) -> float:
@@ -88,7 +70,7 @@ class Judgement:
     continuous : the policy in continuous time
     lower_bound : the best continuous-time bound of all policies that were re-integrated
     discretisation_error : estimated |J(h) - J(0)|
-    agrees : whether the two costs lie within 5 times that plus 1e-6 relative
+    agrees : whether the two costs lie within 5 times that plus 1e-6 relative, and the bound does not contradict
     """
 
     continuous: ContinuousCheck
@@ -98,13 +80,15 @@ class Judgement:
 
     @property
     def certificate(self) -> Certificate:
-        """Cost and bound in continuous time."""
-        return Certificate(self.continuous.cost, min(self.lower_bound, self.continuous.cost))
+        """Cost and bound in continuous time; the allowance is the error that the integration states."""
+        cost = self.continuous.cost
+        return Certificate(cost, self.lower_bound, max(ALLOWANCE, self.continuous.error / abs(cost)) if cost else 0.0)
 
     @property
     def text(self) -> str:
         """What the user reads when the check disagrees."""
-        return f"the recursion and the independent integration differ by more than {SAFETY:g} discretisation errors"
+        differ = f"the recursion and the independent integration differ by more than {SAFETY:g} discretisation errors"
+        return self.certificate.text or differ
 
 
 def judge(problem: SchedulingProblem, weights: np.ndarray, cost: float, relaxed: np.ndarray | None = None) -> Judgement:
@@ -124,66 +108,5 @@ def judge(problem: SchedulingProblem, weights: np.ndarray, cost: float, relaxed:
         bound = max(bound, reintegrate(problem, Schedule(problem.edges, relaxed, names)).lower_bound)
     error = discretisation_error(problem, weights, cost)
     allowed = SAFETY * error + RELATIVE * abs(cost) + check.error
-    return Judgement(check, max(bound, 0.0), error, bool(abs(check.cost - cost) <= allowed))
-
-
-@dataclass(frozen=True)
-class Claims:
-    """What somebody says about a policy.
-
-    Parameters
-    ----------
-    cost : of the discretised problem, or None
-    lower_bound : of the discretised problem, or None
-    continuous_bound : in continuous time, or None
-    relative_gap : (cost - lower_bound) / |cost|, or None
-    parts : further numbers by the names that they have in a result, such as prediction_error
-    """
-
-    cost: float | None = None
-    lower_bound: float | None = None
-    continuous_bound: float | None = None
-    relative_gap: float | None = None
-    parts: Mapping[str, float] = field(default_factory=dict)
-
-
-def false_claims(
-    claims: Claims,
-    cost: float,
-    lowest_cost: float,
-    continuous_cost: float | None = None,
-    parts: Mapping[str, float] | None = None,
-) -> list[str]:
-    """Sentences on every claim that the recomputed numbers refute; empty if none is.
-
-    A claimed bound is refuted when some policy, relaxed or not, costs less than it.
-
-    Parameters
-    ----------
-    claims : Claims
-    cost : recomputed J of the claimed policy
-    lowest_cost : the lowest J of any policy known, the relaxed optimum included
-    continuous_cost : recomputed J in continuous time, or None
-    parts : recomputed numbers by name
-    """
-    found = []
-    if claims.cost is not None and not abs(claims.cost - cost) <= 1e-8 * abs(cost):
-        found.append(f"the stated cost is {claims.cost:.10g}, the schedule costs {cost:.10g}")
-    if claims.lower_bound is not None and not claims.lower_bound <= lowest_cost + 1e-8 * abs(lowest_cost):
-        found.append(
-            f"the stated lower bound {claims.lower_bound:.10g} is not one: a known policy costs {lowest_cost:.10g}"
-        )
-    if None not in (claims.relative_gap, claims.cost, claims.lower_bound):
-        gap = Certificate(claims.cost, claims.lower_bound).relative_gap  # type: ignore[arg-type]
-        if not abs(claims.relative_gap - gap) <= RELATIVE:  # type: ignore[operator]
-            found.append(f"the stated relative gap is {claims.relative_gap:.10g}, its cost and bound give {gap:.10g}")
-    bound = claims.continuous_bound
-    if bound is not None and continuous_cost is not None and not bound <= continuous_cost + RELATIVE * abs(cost):
-        found.append(
-            f"the stated continuous lower bound {bound:.10g} is not one: this policy costs {continuous_cost:.10g}"
-        )
-    for name, value in (parts or {}).items():
-        stated = claims.parts.get(name)
-        if stated is not None and not abs(stated - value) <= RELATIVE * max(abs(value), abs(cost)):
-            found.append(f"the stated {name.replace('_', ' ')} is {stated:.10g}, recomputed {value:.10g}")
-    return found
+    judged = Judgement(check, at_least_zero(bound, check.cost), error, bool(abs(check.cost - cost) <= allowed))
+    return replace(judged, agrees=judged.agrees and not judged.certificate.contradicts)

@@ -7,15 +7,16 @@ import time
 
 import numpy as np
 
+from occontrol.core.claims import Claims, false_claims
+from occontrol.core.errors import ProblemError
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.assembly import assemble
-from occontrol.families.athans.certificate import Claims, false_claims
-from occontrol.families.athans.discretise import discretise, half_predicts
+from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
+from occontrol.families.athans.found import Found
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult
-from occontrol.families.athans.run_method import Found
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 from occontrol.scheduling.sweep import Sweep
 
@@ -30,15 +31,19 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     claims : what somebody says of it; refuted claims make the status `disagrees`
 
     Returns a Solution with method "certify"; the bound is the better of the schedule's own and a relaxation's.
+    Raises ProblemError when the schedule breaks a window or does not use `select` sensors at a time.
     """
     started = time.perf_counter()
     monitor = Monitor()
     problem, weights = on_common_grid(problem, schedule)
     problem.require_feasible()
+    allowed = feasible_set(problem)
+    if mistakes := allowed.check(weights):
+        raise ProblemError(mistakes)
     halves = half_predicts(problem)
     sweep = Sweep(discretise(problem, halves))
     gap = getattr(problem.method, "relative_gap", 1e-4)
-    relaxed = minimise_relaxed(sweep, None, RelaxedOptions(gap), monitor)
+    relaxed = minimise_relaxed(sweep, allowed, None, RelaxedOptions(gap), monitor)
     found = Found(weights, relaxed.iterations, relaxed.status, "", relaxed, target=gap)
     solution = assemble(problem, "certify", sweep, halves, found, monitor, started)
     if claims is not None and solution.certificate is not None:

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from occontrol.core.claims import Claims
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.monitor import Monitor
     from occontrol.core.trajectory import Trajectory
-    from occontrol.families.athans.certificate import Claims
     from occontrol.families.athans.filter.online import MatchedFilter
     from occontrol.families.athans.tradeoff import Front
 
@@ -49,15 +49,14 @@ class AthansFamily(Family):
         cannot be filled, SolveFailed when nothing usable was found.
         """
         from occontrol.families.athans.assembly import assemble
-        from occontrol.families.athans.discretise import discretise, half_predicts
-        from occontrol.families.athans.run_method import run_method
+        from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
         from occontrol.scheduling.sweep import Sweep
 
         problem.require_feasible()
         began = time.perf_counter()
         halves = half_predicts(problem)
         sweep = Sweep(discretise(problem, halves))
-        found = run_method(problem, method, sweep, monitor)
+        found = method.run(problem, sweep, feasible_set(problem), monitor)
         return assemble(problem, method.name, sweep, halves, found, monitor, began)
 
     def require_feasible(self, problem: SchedulingProblem) -> None:

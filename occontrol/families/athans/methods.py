@@ -1,17 +1,43 @@
-"""The methods of the athans family as values: each a frozen dataclass of its own options."""
+"""The methods of the athans family as values: each a frozen dataclass of its own options that checks and runs itself.
+
+`run` imports what it needs when it is called: to read a problem file nothing is compiled. The baselines stand in
+families/athans/baselines.py.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-from occontrol.core.method import Method, check_options
+from occontrol.core.errors import Mistake
+from occontrol.core.method import check_options
+from occontrol.core.solution import Status
+from occontrol.families.athans.baselines import BestSingle, Greedy, Random, RoundRobin
 
-STARTS = ("best-single", "round-robin", "greedy", "random")
+if TYPE_CHECKING:
+    from occontrol.core.monitor import Monitor
+    from occontrol.families.athans.found import Found
+    from occontrol.families.athans.problem import SchedulingProblem
+    from occontrol.scheduling.feasible_set import FeasibleSet
+    from occontrol.scheduling.sweep import Sweep
+
+__all__ = ["BestSingle", "Collocation", "Greedy", "HMinimal", "Random", "RelaxRoundPolish", "Relaxed", "RoundRobin"]
+
+SHAKEN = 4  # sweeps of the shaken polish for each of the relaxation's, which cost more
+STARTS = {"best-single": BestSingle, "round-robin": RoundRobin, "greedy": Greedy, "random": Random}
+_POSITIVE = ("relative_gap", "time_limit")
+_END = {
+    "stationary": "The policy minimises the Hamiltonian on every interval.",
+    "no-descent": "No partial step lowers the cost; where arcs are singular a switching policy can only chatter.",
+    "cycle": "The plain full-step sweep repeats itself; use full_step: false.",
+    "limit": "max_iterations came first.",
+    "interrupted": "Interrupted; this is the best so far.",
+}
 
 
 @dataclass(frozen=True)
-class Relaxed(Method):
+class Relaxed:
     """The convex relaxation alone: fractional weights, certified.
 
     Parameters
@@ -27,11 +53,23 @@ class Relaxed(Method):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        check_options(self, positive=("relative_gap", "time_limit"), whole={"max_iterations": 1})
+        check_options(self, positive=_POSITIVE, whole={"max_iterations": 1})
+
+    def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
+        """Nothing: it fits every problem."""
+        return ()
+
+    def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
+        """The relaxed optimum."""
+        from occontrol.families.athans.found import relax
+
+        found = relax(sweep, feasible_set, monitor, self.relative_gap, self.max_iterations)
+        found.proves = True
+        return found
 
 
 @dataclass(frozen=True)
-class RelaxRoundPolish(Method):
+class RelaxRoundPolish:
     """The default: relax, round, polish on the true cost, certify.
 
     Parameters
@@ -49,11 +87,43 @@ class RelaxRoundPolish(Method):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        check_options(self, positive=("relative_gap", "time_limit"), whole={"max_iterations": 1, "polish": 0})
+        check_options(self, positive=_POSITIVE, whole={"max_iterations": 1, "polish": 0})
+
+    def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
+        """Nothing: it fits every problem."""
+        return ()
+
+    def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
+        """The best of several roundings of the relaxed optimum, polished."""
+        from occontrol.families.athans.found import relax
+        from occontrol.scheduling.hminimal import polish
+        from occontrol.scheduling.rounding import roundings
+        from occontrol.scheduling.shaking import shake
+
+        found = relax(sweep, feasible_set, monitor, self.relative_gap, self.max_iterations)
+        found.proves = True
+        monitor.stage = "rounding"
+        # none of the roundings is the best on every problem, and a polish costs a fraction of the relaxation
+        candidates = sorted(roundings(found.weights, feasible_set), key=sweep.cost)
+        found.weights, relaxed = candidates[0], found.relaxed
+        if self.polish and not monitor.stop:
+            # without exact exchanges a polish is slow: the best start alone
+            exact = sweep.foresees_exchanges and not sweep.dense
+            starts = candidates if exact else candidates[:1]
+            done = [polish(sweep, feasible_set, start, self.polish, monitor) for start in starts]
+            best = min(done, key=lambda o: o.cost)
+            if relaxed is not None and exact and best.end == "stationary":
+                enough = relaxed.lower_bound + self.relative_gap * abs(best.cost)
+                spent = SHAKEN * relaxed.sweeps["gradients"]
+                best = shake(sweep, feasible_set, best, enough, spent, self.polish, monitor)
+            found.weights, found.extra["polish_rounds"] = best.weights, best.iterations
+            if best.end == "interrupted":
+                found.status = Status.INTERRUPTED
+        return found
 
 
 @dataclass(frozen=True)
-class HMinimal(Method):
+class HMinimal:
     """Kelley's H-minimal sweep with partial steps; `full_step` is the plain method, which may cycle.
 
     Parameters
@@ -75,83 +145,31 @@ class HMinimal(Method):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        check_options(
-            self,
-            positive=("relative_gap", "time_limit"), at_least={"tolerance": 0}, whole={"max_iterations": 1},
-            one_of={"start": STARTS},
-        )
+        whole, starts = {"max_iterations": 1}, {"start": tuple(STARTS)}
+        check_options(self, positive=_POSITIVE, at_least={"tolerance": 0}, whole=whole, one_of=starts)
+
+    def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
+        """Nothing: it fits every problem."""
+        return ()
+
+    def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
+        """Where the sweep ended, with the relaxation whose bound stands beside it."""
+        from occontrol.families.athans.found import relax
+        from occontrol.scheduling.hminimal import h_minimal
+
+        found = relax(sweep, feasible_set, monitor, self.relative_gap, self.max_iterations)
+        first = STARTS[self.start]().policy(sweep, feasible_set)
+        done = h_minimal(sweep, feasible_set, first, self.max_iterations, self.tolerance, self.full_step, monitor)
+        found.weights, found.iterations, found.bound = done.weights, done.iterations, done.lower_bound
+        found.extra["end"] = done.end
+        found.message = _END[done.end]
+        if done.end == "interrupted":
+            found.status = Status.INTERRUPTED
+        return found
 
 
 @dataclass(frozen=True)
-class BestSingle(Method):
-    """Baseline: the best fixed choice, used whenever it is available.
-
-    Parameters
-    ----------
-    relative_gap : target of the relaxation whose bound stands beside the result
-    """
-
-    name: ClassVar[str] = "best-single"
-    relative_gap: float = 1e-4
-
-    def __post_init__(self) -> None:
-        check_options(self, positive=("relative_gap",))
-
-
-@dataclass(frozen=True)
-class RoundRobin(Method):
-    """Baseline: the sensors in turn.
-
-    Parameters
-    ----------
-    relative_gap : target of the relaxation whose bound stands beside the result
-    dwell : intervals between switches
-    """
-
-    name: ClassVar[str] = "round-robin"
-    relative_gap: float = 1e-4
-    dwell: int = 1
-
-    def __post_init__(self) -> None:
-        check_options(self, positive=("relative_gap",), whole={"dwell": 1})
-
-
-@dataclass(frozen=True)
-class Random(Method):
-    """Baseline: a random available choice on every interval.
-
-    Parameters
-    ----------
-    relative_gap : target of the relaxation whose bound stands beside the result
-    seed : of the random numbers
-    """
-
-    name: ClassVar[str] = "random"
-    relative_gap: float = 1e-4
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        check_options(self, positive=("relative_gap",), whole={"seed": 0})
-
-
-@dataclass(frozen=True)
-class Greedy(Method):
-    """Baseline: on every interval the choice that would be best if measuring ended with it.
-
-    Parameters
-    ----------
-    relative_gap : target of the relaxation whose bound stands beside the result
-    """
-
-    name: ClassVar[str] = "greedy"
-    relative_gap: float = 1e-4
-
-    def __post_init__(self) -> None:
-        check_options(self, positive=("relative_gap",))
-
-
-@dataclass(frozen=True)
-class Collocation(Method):
+class Collocation:
     """Ipopt direct collocation of the relaxed problem: the independent judge for small problems, not the engine.
 
     Parameters
@@ -171,11 +189,23 @@ class Collocation(Method):
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        check_options(
-            self,
-            positive=("relative_gap", "time_limit"),
-            one_of={"scheme": ("radau", "legendre")}, whole={"stages": 1, "max_iterations": 1},
-        )
+        whole = {"stages": 1, "max_iterations": 1}
+        check_options(self, positive=_POSITIVE, whole=whole, one_of={"scheme": ("radau", "legendre")})
+
+    def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
+        """Nothing: it fits every problem, though it is slow for many states."""
+        return ()
+
+    def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
+        """Ipopt's policy; `sweep` plays no part in finding it."""
+        from occontrol.families.athans.collocation.solve import solve_collocation
+        from occontrol.families.athans.found import Found
+
+        monitor.stage = "collocation"
+        raw = solve_collocation(problem, self, monitor)
+        found = Found(raw.weights, raw.iterations, raw.status, raw.message, target=self.relative_gap)
+        found.extra["collocation_cost"] = float(raw.cost)
+        return found
 
 
 METHODS: dict[str, type] = {

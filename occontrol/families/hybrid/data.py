@@ -4,41 +4,31 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.measurement import Estimate, Measurement
-from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
-from occontrol.families.hybrid.methods import Alternate, ExpectedCovariance, Fixed, Random, Scheduled
+from occontrol.families.hybrid.methods import GroupMethod
 from occontrol.families.hybrid.problem import Problem
 from occontrol.families.hybrid.runs import experiment
 
 
-def _method_of(problem: Problem, solution: Solution | None) -> Any:
-    if solution is None:
-        return problem.method or Scheduled()
-    if solution.method == Fixed.name:
-        return Fixed(solution.result["sensor"])
-    return {m.name: m for m in (Scheduled, ExpectedCovariance, Alternate, Random)}[solution.method]()
-
-
-def simulate(problem: Problem, solution: Solution | None, seed: int = 0) -> tuple[list[Measurement], Trajectory]:
-    """One seeded truth and the measurements that the solution's chooser asks for along it.
+def simulate(problem: Problem, method: GroupMethod, seed: int = 0) -> tuple[list[Measurement], Trajectory]:
+    """One seeded truth and the measurements that a method's chooser asks for along it.
 
     Parameters
     ----------
     problem : Problem
-    solution : Solution whose method chooses, or None for the problem's own
+    method : that chooses
     seed : of the random generator
 
     Returns (measurements, truth): measurements at k = 1 .. steps, truth with values (steps+1, n).
     """
     from occontrol.families.hybrid.monte_carlo import run_some
 
-    tried = dataclasses.replace(experiment(problem, _method_of(problem, solution)), seed=seed)
+    tried = dataclasses.replace(experiment(problem, method), seed=seed)
     runs = run_some(tried, tried.models(), [0])
     first = np.cumsum([0] + [sensor.rows for sensor in problem.sensors])
     measurements = []
@@ -49,13 +39,12 @@ def simulate(problem: Problem, solution: Solution | None, seed: int = 0) -> tupl
     return measurements, Trajectory(np.arange(problem.steps + 1.0), runs.truths.states[0])
 
 
-def run_filter(problem: Problem, solution: Solution, measurements: Sequence[Measurement]) -> Estimate:
+def run_filter(problem: Problem, measurements: Sequence[Measurement]) -> Estimate:
     """The jumping-mode estimate along measurements at whole steps; any sensors may report at a step, or none.
 
     Parameters
     ----------
     problem : Problem
-    solution : Solution; not looked at, the estimator follows the measurements
     measurements : list of Measurement with time = k; a value that is NaN is missing
 
     Raises ProblemError for unknown sensors, wrong numbers of values, and times that are not steps.

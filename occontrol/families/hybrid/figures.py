@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from occontrol.core.errors import plural
 from occontrol.core.plant import state_names
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.families.hybrid.problem import Problem
+from occontrol.families.hybrid.result import numbers_of
+from occontrol.families.hybrid.text import plus_minus
 from occontrol.files.figures import style
 from occontrol.files.figures.panels import schedule_panel
 
@@ -59,7 +62,7 @@ def draw_compare(problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
     solutions : Solution by method name
     """
     with style.house_style():
-        runs = {int(s.result["runs"]) for s in solutions.values()}
+        runs = {numbers_of(s).runs for s in solutions.values()}
         text = f"{min(runs)} runs of {problem.steps} steps each; bars: one standard error"
         figure = style.new_figure((13.33, 6.5), problem.name, text)
         left, middle, right = figure.subplots(1, 3, width_ratios=[2.2, 1, 1])
@@ -81,19 +84,26 @@ def draw_compare(problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
         left.legend(loc="lower center", bbox_to_anchor=(0.5, -0.28), ncols=3)
         style.dot_if_alone(left)
         style.step_axis(left, problem.steps)
-        for axes, key, title in (
-            (middle, "average_rms", "average RMS"),
-            (right, "mode_errors", "wrong-mode steps"),
-        ):
-            _bars(axes, solutions, key, title, colours, named=axes is middle)
+        found = [numbers_of(solution) for solution in solutions.values()]
+        averages = [(r.average_rms, r.average_rms_standard_error) for r in found]
+        errors = [(r.mode_errors, r.mode_errors_standard_error) for r in found]
+        _bars(middle, solutions, averages, "average RMS", colours, named=True)
+        _bars(right, solutions, errors, "wrong-mode steps", colours, named=False)
         return figure
 
 
-def _bars(axes: Axes, solutions: Mapping[str, Solution], key: str, title: str, colours: list[str], named: bool) -> None:
+def _bars(
+    axes: Axes,
+    solutions: Mapping[str, Solution],
+    numbers: Sequence[tuple[float, float]],
+    title: str,
+    colours: list[str],
+    named: bool,
+) -> None:
+    """Bars of a number and its standard error, one of each solution."""
     places = np.arange(len(solutions))[::-1]
-    values = np.array([float(s.result[key]) for s in solutions.values()])
-    errors = [s.result.get(f"{key}_standard_error") for s in solutions.values()]
-    bars = np.array([float(e) if isinstance(e, int | float) and np.isfinite(e) else 0.0 for e in errors])
+    values = np.array([value for value, _ in numbers])
+    bars = np.array([float(e) if isinstance(e, int | float) and np.isfinite(e) else 0.0 for _, e in numbers])
     axes.barh(places, values, height=0.6, color=colours, xerr=bars, error_kw={"ecolor": style.INK, "elinewidth": 1.2})
     for place, value, bar in zip(places, values, bars, strict=True):
         axes.text(value + bar, place, f"  {value:.3g}", va="center", fontsize=10)
@@ -105,14 +115,15 @@ def _bars(axes: Axes, solutions: Mapping[str, Solution], key: str, title: str, c
 
 
 def _label(name: str, solution: Solution) -> str:
-    sensor = solution.result.get("sensor")
+    sensor = numbers_of(solution).sensor
     return f"{name}: {sensor}" if sensor and ":" not in name else name
 
 
 def _overview(problem: Problem, solution: Solution) -> Figure:
-    result = solution.result
-    text = f"{_label(solution.method, solution)}: average RMS {result['average_rms']:.3g}{_pm(result, 'average_rms')}, "
-    text += f"mode errors {result['mode_errors']:.3g}{_pm(result, 'mode_errors')} of {problem.steps} steps"
+    r = numbers_of(solution)
+    text = f"{_label(solution.method, solution)}: average RMS {r.average_rms:.3g}"
+    text += f"{plus_minus(r.average_rms_standard_error)}, mode errors {r.mode_errors:.3g}"
+    text += f"{plus_minus(r.mode_errors_standard_error)} of {problem.steps} steps"
     figure = style.new_figure(style.SLIDE, problem.name, text)
     grid = figure.add_gridspec(3, 2, width_ratios=[1.1, 1.25], height_ratios=[1.15, 1, 0.35 + 0.18 * _rows(problem)])
     panels = [figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1], grid[2, 1])]
@@ -133,17 +144,11 @@ def _rows(problem: Problem) -> int:
 
 
 def _counted(solution: Solution) -> str:
-    runs = int(solution.result["runs"])
-    return f"RMS position error of {runs} run{'s' * (runs != 1)}; band: two standard errors"
-
-
-def _pm(result: Mapping, name: str) -> str:
-    error = result.get(f"{name}_standard_error")
-    return f" ± {error:.2g}" if isinstance(error, int | float) and np.isfinite(error) else ""
+    return f"RMS position error of {plural(numbers_of(solution).runs, 'run')}; band: two standard errors"
 
 
 def _use_text(solution: Solution) -> str:
-    use = solution.result["use"]
+    use = numbers_of(solution).use
     names = dict(zip(use, style.labels(list(use)), strict=True))
     most = list(use) if len(use) <= 5 else sorted((n for n in use if use[n] > 0), key=lambda name: -use[name])[:4]
     text = ", ".join(f"{names[n]} {100 * use[n]:.3g} %" for n in use if n in most)
@@ -207,7 +212,7 @@ def rms_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     if len(steps) == 1:
         axes.errorbar(steps, rms, 2 * error, color=style.ACCENT, capsize=4, clip_on=False)
     style.dot_if_alone(axes)
-    average = float(solution.result["average_rms"])
+    average = numbers_of(solution).average_rms
     axes.axhline(average, color=style.GREY, linewidth=1, linestyle="--")
     axes.text(1.01, average, f"average\n{average:.3g}", transform=axes.get_yaxis_transform(), va="center", fontsize=10)
     axes.set_ylim(0, None)
@@ -249,7 +254,7 @@ def sensors_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     schedule = solution.schedule
     if schedule is None:
         schedule = Schedule(solution.arrays["edges"], solution.arrays["weights"], tuple(problem.sensors.names))
-    use = solution.result["use"]
+    use = numbers_of(solution).use
     schedule_panel(axes, schedule, shares=[f"{100 * use[name]:.3g} %" for name in schedule.names])
     style.step_axis(axes, problem.steps)
 

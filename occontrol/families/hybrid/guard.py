@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.checks import check_covariance
-from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.errors import Mistake, ProblemError, plural, suggest
 from occontrol.core.signal import as_signal
 
 MOST_ROWS = 26  # rows of one guard; as many as the lattice rule of the normal probabilities has generators for
@@ -45,7 +44,7 @@ class Guard:
         object.__setattr__(self, "b", np.atleast_1d(np.asarray(self.b, dtype=float)).ravel())
         rows, name = self.L.shape[0], f"of the guard from '{self.source}' to '{self.target}'"
         if len(self.b) != rows:
-            what = f"b {name} has length {len(self.b)}, L has {rows} row{'s' * (rows != 1)}"
+            what = f"b {name} has length {len(self.b)}, L has {plural(rows, 'row')}"
             raise ProblemError(Mistake(("b",), what, "one entry of b per row of L"))
         if not np.all(np.isfinite(self.b)):
             raise ProblemError(Mistake(("b",), f"b {name} is not finite"))
@@ -99,13 +98,12 @@ def check_guards(guards: Sequence[Guard], threshold: Threshold, modes: Sequence[
         path = ("transition", "guards", g)
         for key, name in (("from", guard.source), ("to", guard.target)):
             if name not in modes:
-                close = difflib.get_close_matches(name, modes, n=1)
-                hint = f"did you mean '{close[0]}'?" if close else "the modes are: " + ", ".join(modes)
-                found.append(Mistake((*path, key), f"'{key}' of guard {g + 1} names the unknown mode '{name}'", hint))
+                what = f"'{key}' of guard {g + 1} names the unknown mode '{name}'"
+                found.append(Mistake((*path, key), what, suggest(str(name), modes)))
         columns, wanted = guard.L.shape[1], states + threshold.size
         if columns != wanted:
-            name, many = f"L of the guard from '{guard.source}' to '{guard.target}'", "s" * (columns != 1)
-            what = f"{name} has {columns} column{many}, it must have {wanted}"
+            name = f"L of the guard from '{guard.source}' to '{guard.target}'"
+            what = f"{name} has {plural(columns, 'column')}, it must have {wanted}"
             parts = f"one per state ({states}), then one per entry of the threshold's mean ({threshold.size})"
             found.append(Mistake((*path, "L"), what, parts))
     return found

@@ -8,23 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from occontrol.core.signal import Signal
 from occontrol.families.hybrid.equations import correct, match_moments, predict_measurement, weigh_modes
 from occontrol.families.hybrid.imm_kernel import JumpModel, predict_step
 from occontrol.families.hybrid.plant import JumpPlant
+from occontrol.families.hybrid.sensor import JumpSensor
 
 GUARD_TOLERANCE = 5e-4
 
 
-def sample_signals(signals: Sequence[Any], steps: int) -> np.ndarray:
+def sample_signals(signals: Sequence[Signal], steps: int) -> np.ndarray:
     """Matrices at the steps 1 .. steps; a single entry when none of them changes.
 
     Parameters
     ----------
-    signals : Signals of k with equal shapes, or None for zero
+    signals : Signals of k with equal shapes
     steps : number of steps
 
     Returns
@@ -38,7 +39,7 @@ def sample_signals(signals: Sequence[Any], steps: int) -> np.ndarray:
 
 def sample_model(
     plant: JumpPlant,
-    sensors: Sequence[Any],
+    sensors: Sequence[JumpSensor],
     groups: Sequence[Sequence[int]],
     steps: int,
     position: Sequence[int],
@@ -152,7 +153,7 @@ def start(plant: JumpPlant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def filter_measurements(
-    plant: JumpPlant, sensors: Sequence[Any], steps: int, readings: dict[int, list[tuple[int, np.ndarray]]]
+    plant: JumpPlant, sensors: Sequence[JumpSensor], steps: int, readings: dict[int, list[tuple[int, np.ndarray]]]
 ) -> JumpEstimate:
     """Estimate along measurements that anybody's schedule brought; any set of sensors may report at a step, or none.
 

@@ -8,39 +8,25 @@ from __future__ import annotations
 import itertools
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
+from occontrol.families.hybrid.chooser import Chooser
 from occontrol.families.hybrid.imm import sample_model, start
 from occontrol.families.hybrid.imm_kernel import JumpModel, filter_runs
 from occontrol.families.hybrid.plant import JumpPlant
+from occontrol.families.hybrid.sensor import JumpSensor
 from occontrol.families.hybrid.statistics import Outcomes, join
 from occontrol.families.hybrid.truth import TrueRuns, Truth, simulate_truths
 
 MOST_THREADS = 8
 ROUND_SECONDS = 0.3
 FIRST_STEPS = 2000  # of one thread before its speed is known
-
-
-@dataclass(frozen=True, eq=False)
-class Chooser:
-    """How a group of sensors is chosen at every step.
-
-    Parameters
-    ----------
-    sequence : luck (runs, steps), number of groups -> (runs, steps) positions of groups; None where the scores decide
-    bound_weight, position_weight : see `score_groups` in families/hybrid/imm_kernel.py
-    """
-
-    sequence: Callable[[np.ndarray, int], np.ndarray] | None = None
-    bound_weight: float = 1.0
-    position_weight: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +46,7 @@ class Experiment:
     """
 
     plant: JumpPlant
-    sensors: Sequence[Any]
+    sensors: Sequence[JumpSensor]
     groups: Sequence[Sequence[int]]
     steps: int
     position: Sequence[int]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_shape
-from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.errors import Collector, Mistake, ProblemError, plural
 from occontrol.core.signal import Signal, as_signal
 from occontrol.families.hybrid.guard import Guard, Threshold, check_guards
 from occontrol.families.hybrid.probabilities import check_distribution, check_vector, normalised
@@ -52,7 +52,7 @@ class Mode:
                 object.__setattr__(self, name, as_signal(value, "k"))
         found.raise_if_any()
         n, of = self.A.shape[0], f"of mode '{self.name}'"
-        hint = f"the mode has {n} state{'s' * (n != 1)}"
+        hint = f"the mode has {plural(n, 'state')}"
         wrong = check_shape(f"A {of}", self.A.shape, n, n, ("A",), "A is square: one row and one column per state")
         if self.F is None:
             object.__setattr__(self, "F", as_signal(np.eye(n), "k"))
@@ -60,7 +60,7 @@ class Mode:
         else:
             wrong += check_shape(f"F {of}", self.F.shape, n, None, ("F",), hint)
             q = self.F.shape[1]
-            wrong += check_shape(f"W {of}", self.W.shape, q, q, ("W",), f"F has {q} column{'s' * (q != 1)}")
+            wrong += check_shape(f"W {of}", self.W.shape, q, q, ("W",), f"F has {plural(q, 'column')}")
         if self.B is not None:
             wrong += check_shape(f"B {of}", self.B.shape, n, None, ("B",), hint)
             if self.input is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_covariance_signal, check_finite, check_shape
-from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.errors import Collector, Mistake, ProblemError, plural, suggest
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import TableSignal, as_signal
+from occontrol.families.hybrid.methods import METHODS, GroupMethod
 from occontrol.families.hybrid.plant import JumpPlant
 from occontrol.families.hybrid.probabilities import check_vector
 
@@ -38,7 +38,7 @@ class Problem:
     runs, seed : of the simulation
     truth_mean, truth_covariance, truth_mode : of the true state at k = 0, and the name of its mode; those of the plant,
         and a mode drawn from its probabilities, if left out
-    method : an options object of METHODS, or None for the default
+    method : an object of one of METHODS (methods.py), or None for the default
     expect : known values and their source, if any
 
     Raises ProblemError naming every mistake by its place in a problem file. Liu & Hwang, sections II and IV.
@@ -56,7 +56,7 @@ class Problem:
     truth_mean: Any = None
     truth_covariance: Any = None
     truth_mode: str | None = None
-    method: Any = None
+    method: GroupMethod | None = None
     expect: Mapping[str, Any] | None = None
     family: str = field(default="hybrid", init=False)
 
@@ -82,10 +82,17 @@ class Problem:
         found.mistakes += self._position() + self._groups() + self._truth() + self._sensors() + self._values()
         if not (np.isfinite(self.position_weight) and self.position_weight >= 0):
             found.add(("criterion", "position_weight"), f"position_weight is {self.position_weight:g}", "at least 0")
-        if not found.mistakes and getattr(self.method, "sensor", None) is not None:
-            with found.under("method"):
-                self.group_named(self.method.sensor)
+        if not found.mistakes:
+            found.mistakes += self._method()
         found.raise_if_any()
+
+    def _method(self) -> list[Mistake]:
+        if self.method is None:
+            return []
+        if type(self.method) not in METHODS.values():
+            what = f"{type(self.method).__name__} is not a method of family {self.family}"
+            return [Mistake(("method",), what, "there are: " + ", ".join(METHODS))]
+        return [m.under("method") for m in self.method.check(self)]
 
     def _position(self) -> list[Mistake]:
         n, entries = self.plant.states, list(self.position or ())
@@ -116,7 +123,7 @@ class Problem:
                 wrong.append(Mistake(("groups", g), f"group {g + 1} is empty", "name at least one sensor"))
             for i, name in enumerate(group):
                 if name not in names:
-                    hint = _nearest(name, names, "sensors")
+                    hint = suggest(str(name), names)
                     wrong.append(Mistake(("groups", g, i), f"group {g + 1} names the unknown sensor '{name}'", hint))
                 elif name in group[:i]:
                     wrong.append(Mistake(("groups", g, i), f"group {g + 1} names the sensor '{name}' twice"))
@@ -140,7 +147,7 @@ class Problem:
         modes = self.plant.names
         if self.truth_mode is not None and self.truth_mode not in modes:
             what = f"the truth begins in the unknown mode '{self.truth_mode}'"
-            wrong.append(Mistake((*path, "mode"), what, _nearest(self.truth_mode, modes, "modes")))
+            wrong.append(Mistake((*path, "mode"), what, suggest(str(self.truth_mode), modes)))
         return wrong
 
     def _sensors(self) -> list[Mistake]:
@@ -148,7 +155,7 @@ class Problem:
         for j, sensor in enumerate(self.sensors):
             rows, columns = sensor.C.shape
             if columns != n:
-                what = f"C of sensor '{sensor.name}' is {rows}x{columns}, but the modes have {n} state{'s' * (n != 1)}"
+                what = f"C of sensor '{sensor.name}' is {rows}x{columns}, but the modes have {plural(n, 'state')}"
                 wrong.append(Mistake(("sensors", j, "C"), what, "a row of C has one entry per state"))
         return wrong
 
@@ -188,18 +195,8 @@ class Problem:
             return same[0]
         known = [*self.sensors.names, *(label for label in by_name if label not in self.sensors.names)]
         word = "+".join(parts)
-        raise ProblemError(
-            Mistake(("sensor",), f"there is no sensor or group '{word}'", _nearest(word, known, "names"))
-        )
+        raise ProblemError(Mistake(("sensor",), f"there is no sensor or group '{word}'", suggest(word, known)))
 
     def positions_of(self, groups: Sequence[Sequence[str]]) -> list[list[int]]:
         """Groups of sensor names as positions among the sensors."""
         return [[self.sensors.index(name) for name in group] for group in groups]
-
-
-def _nearest(name: Any, known: Sequence[str], kind: str) -> str:
-    close = difflib.get_close_matches(str(name), list(known), n=1)
-    return f"did you mean '{close[0]}'?" if close else f"the {kind} are: " + ", ".join(known)
-
-
-JumpProblem = Problem  # its name outside of the family

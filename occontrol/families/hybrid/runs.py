@@ -2,119 +2,154 @@
 
 from __future__ import annotations
 
+import dataclasses
+import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from occontrol.core.monitor import Monitor
-from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
-from occontrol.families.hybrid.methods import ExpectedCovariance, Fixed, Random, Scheduled
-from occontrol.families.hybrid.problem import Problem
+from occontrol.families.hybrid.imm import start
+from occontrol.families.hybrid.imm_kernel import predict_step, score_groups
+from occontrol.families.hybrid.monte_carlo import Experiment, Runs, monte_carlo
+from occontrol.families.hybrid.result import HybridResult, numbers_of
+from occontrol.families.hybrid.statistics import Outcomes, rms, summarise_runs
+from occontrol.families.hybrid.truth import Truth
 
 if TYPE_CHECKING:
-    from occontrol.families.hybrid.monte_carlo import Chooser, Experiment, Runs
-    from occontrol.families.hybrid.statistics import Outcomes
+    from occontrol.families.hybrid.methods import GroupMethod
+    from occontrol.families.hybrid.problem import Problem
 
 KEPT = 2_000_000  # entries of the per-run arrays that go into arrays.npz
+LARGE_EXCESS = 1e-6  # of the sum of guard probabilities over 1, worth a word
 
 
-def experiment(problem: Problem, method: Any) -> Experiment:
+def experiment(problem: Problem, method: GroupMethod) -> Experiment:
     """What one run of a method on a problem needs.
 
     Parameters
     ----------
     problem : Problem
-    method : a METHODS value
+    method : an object of one of METHODS
 
     Raises ProblemError when the method names a sensor that does not exist.
     """
-    from occontrol.families.hybrid.monte_carlo import Experiment
-    from occontrol.families.hybrid.truth import Truth
-
-    groups = problem.groups or ()
-    if isinstance(method, Fixed):
-        groups = groups[:1] if method.sensor is None else (problem.group_named(method.sensor),)
     mode = None if problem.truth_mode is None else problem.plant.names.index(problem.truth_mode)
     return Experiment(
         plant=problem.plant,
         sensors=problem.sensors,
-        groups=problem.positions_of(groups),
+        groups=problem.positions_of(method.groups(problem)),
         steps=int(problem.steps),
         position=problem.position or (),
         truth=Truth(problem.truth_mean, problem.truth_covariance, mode),
-        chooser=_chooser(problem, method),
+        chooser=method.chooser(problem),
         seed=int(problem.seed),
     )
 
 
-def _chooser(problem: Problem, method: Any) -> Chooser:
-    from occontrol.families.hybrid.monte_carlo import Chooser
-
-    if isinstance(method, Scheduled):
-        return Chooser(None, 1.0, problem.position_weight)
-    if isinstance(method, ExpectedCovariance):
-        return Chooser(None, 0.0, 1.0)
-    if isinstance(method, Random):
-        return Chooser(lambda luck, count: np.minimum((luck * count).astype(int), count - 1))
-    return Chooser(lambda luck, count: np.broadcast_to(np.arange(luck.shape[1]) % count, luck.shape))
-
-
-def assemble(
-    problem: Problem, method: Any, tried: Experiment, outcomes: Outcomes, first: Runs, monitor: Monitor, seconds: float
-) -> Solution:
-    """The Solution that the runs add up to.
+def judge(problem: Problem, method: GroupMethod, monitor: Monitor) -> Solution:
+    """Simulate and estimate all runs with one method, or as many as the limits allow.
 
     Parameters
     ----------
-    problem, method, tried : what was solved, how, and as which experiment
-    outcomes : of all runs that were done
-    first : the complete first run, the example in figures and schedule
+    problem : Problem
+    method : an object of one of METHODS
     monitor : Monitor
-    seconds : wall time
-    """
-    from occontrol.families.hybrid.statistics import summarise_runs
 
-    done, names = outcomes.runs, problem.sensors.names
+    Raises SolveFailed when a state or an estimate leaves the range of the numbers.
+    """
+    began, watch = time.perf_counter(), monitor.child(method.time_limit)
+    watch.stage = watch.stage or "runs"
+    tried = experiment(problem, method)
+    outcomes, first = monte_carlo(tried, problem.runs, watch)
+    done = outcomes.runs
     status, message = Status.FEASIBLE, f"{done} runs of {problem.steps} steps"
     if done < problem.runs:
-        status = Status.INTERRUPTED if monitor.interrupted else Status.LIMIT
-        message = f"{done} of {problem.runs} runs before the {'interrupt' if monitor.interrupted else 'time limit'}"
-    member = np.zeros((len(tried.groups), len(names)))
-    for g, group in enumerate(tried.groups):
-        member[g, group] = 1.0
-    frequency = np.stack([np.mean(outcomes.choices == g, axis=0) for g in range(len(member))], axis=1)
-    labels = ["+".join(names[j] for j in group) for group in tried.groups]
-    share = frequency.mean(axis=0)
-    schedule = Schedule(np.arange(problem.steps + 1.0), member[first.choices[0]], tuple(names))
-    result: dict[str, Any] = {
-        **summarise_runs(outcomes),
-        "use": {name: float(value) for name, value in zip(names, share @ member, strict=True)},
-        "group_use": {label: float(value) for label, value in zip(labels, share, strict=True)},
-        "runs": done,
-        "states": problem.plant.states,
-        "first_scores": first_scores(problem, tried),
-        "schedule": schedule.segments(),
-    }
-    if isinstance(method, Fixed):
-        result["sensor"] = labels[0]
-    if problem.plant.guards is not None:
-        result |= {"guard_excess": outcomes.excess, "guard_error": outcomes.error}
-    if problem.plant.guards is not None and outcomes.excess > 1e-6:
+        status = Status.INTERRUPTED if watch.interrupted else Status.LIMIT
+        message = f"{done} of {problem.runs} runs before the {'interrupt' if watch.interrupted else 'time limit'}"
+    if problem.plant.guards is not None and outcomes.excess > LARGE_EXCESS:
         message += f"; guard probabilities that did not sum to 1 (by {outcomes.excess:.2g}) were divided by their sum"
+    use = np.stack([np.mean(outcomes.choices == g, axis=0) for g in range(len(tried.groups))], axis=1)
+    member = _members(tried)
+    schedule = Schedule(np.arange(problem.steps + 1.0), member[first.choices[0]], tuple(problem.sensors.names))
+    numbers = _numbers(problem, tried, outcomes, use.mean(axis=0), schedule)
+    if method.constant:
+        numbers = dataclasses.replace(numbers, sensor=_labels(tried)[0])
     return Solution(
         family="hybrid",
         method=method.name,
         status=status,
         message=message,
         iterations=done,
-        seconds=seconds,
-        numbers=PlainResult(result),
-        arrays=_arrays(problem, outcomes, first, schedule, frequency @ member),
+        seconds=time.perf_counter() - began,
+        arrays=_arrays(problem, outcomes, first, schedule, use @ member),
         schedule=schedule,
-        history=tuple(monitor.history),
+        history=tuple(watch.history),
         problem=problem,
+        numbers=numbers,
+    )
+
+
+def best_of(problem: Problem, methods: Sequence[GroupMethod], monitor: Monitor) -> Solution:
+    """Every method for itself; the one of least average RMS, with the others beside it.
+
+    Parameters
+    ----------
+    problem : Problem
+    methods : that use one group all the time, at least one
+    monitor : Monitor, asked after every method whether to stop
+    """
+    began, watch = time.perf_counter(), monitor.child()
+    solutions = []
+    for method in methods:
+        solutions.append(judge(problem, method, watch))
+        if watch.stop:
+            break
+    best = min(solutions, key=lambda s: numbers_of(s).average_rms)
+    numbers = dataclasses.replace(
+        numbers_of(best), candidates=[numbers_of(solution).as_candidate for solution in solutions]
+    )
+    return dataclasses.replace(
+        best,
+        message=f"{numbers.sensor} is the best of {len(solutions)} in average RMS; {best.message}",
+        seconds=time.perf_counter() - began,
+        history=tuple(watch.history),
+        numbers=numbers,
+    )
+
+
+def _members(tried: Experiment) -> np.ndarray:
+    """(groups, sensors) 1 where a sensor belongs to a group."""
+    member = np.zeros((len(tried.groups), len(tried.sensors)))
+    for g, group in enumerate(tried.groups):
+        member[g, list(group)] = 1.0
+    return member
+
+
+def _labels(tried: Experiment) -> list[str]:
+    return ["+".join(tried.sensors[j].name for j in group) for group in tried.groups]
+
+
+def _numbers(
+    problem: Problem, tried: Experiment, outcomes: Outcomes, share: np.ndarray, schedule: Schedule
+) -> HybridResult:
+    """The numbers; `share` (groups,) of the steps of all runs."""
+    guarded = problem.plant.guards is not None
+    summary: dict[str, Any] = dict(summarise_runs(outcomes))
+    by_sensor = zip(problem.sensors.names, share @ _members(tried), strict=True)
+    return HybridResult(
+        **summary,
+        use={name: float(value) for name, value in by_sensor},
+        group_use={label: float(value) for label, value in zip(_labels(tried), share, strict=True)},
+        runs=outcomes.runs,
+        states=problem.plant.states,
+        first_scores=first_scores(problem, tried),
+        schedule=schedule.segments(),
+        guard_excess=outcomes.excess if guarded else None,
+        guard_error=outcomes.error if guarded else None,
     )
 
 
@@ -122,8 +157,6 @@ def _arrays(
     problem: Problem, outcomes: Outcomes, first: Runs, schedule: Schedule, use: np.ndarray
 ) -> dict[str, np.ndarray]:
     """RMS over time, shares over time, and the first run with k = 0 in front."""
-    from occontrol.families.hybrid.statistics import rms
-
     plant, steps = problem.plant, int(problem.steps)
     curve = rms(outcomes.squared)
     spread = np.std(outcomes.squared, axis=0) / np.sqrt(max(outcomes.runs - 1, 1))
@@ -158,12 +191,8 @@ def first_scores(problem: Problem, tried: Experiment) -> dict[str, float]:
     problem : Problem
     tried : Experiment
     """
-    from occontrol.families.hybrid.imm import start
-    from occontrol.families.hybrid.imm_kernel import predict_step, score_groups
-
     model, _ = tried.models()
     means, covariances, log_predicted, _, _ = predict_step(model, 1, *start(problem.plant))
     weights = float(tried.chooser.bound_weight), float(tried.chooser.position_weight)
     scores = score_groups(model, 1, means, covariances, log_predicted, *weights)
-    labels = ["+".join(problem.sensors.names[j] for j in group) for group in tried.groups]
-    return {label: float(score) for label, score in zip(labels, scores, strict=True)}
+    return {label: float(score) for label, score in zip(_labels(tried), scores, strict=True)}

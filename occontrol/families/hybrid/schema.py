@@ -7,7 +7,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, create_model
 
+from occontrol.core.errors import ProblemError
 from occontrol.families.hybrid.guard import Guard, Threshold
+from occontrol.families.hybrid.methods import METHODS
 from occontrol.families.hybrid.plant import JumpPlant, Mode
 from occontrol.families.hybrid.problem import Problem
 from occontrol.families.hybrid.sensor import JumpSensor
@@ -114,11 +116,9 @@ class Document(Strict):
 
 def build(document: Document, context: Context) -> Problem:
     """The problem that the document describes; ProblemError with every mistake."""
-    from occontrol.families.hybrid.family import METHODS
-
     found, criterion, truth = context.found, document.criterion, document.simulation.truth
     name = context.title(document.name)
-    method = None if document.method is None else context.method(document.method, METHODS)
+    method = context.method(document.method, METHODS)
     expect = context.expect(document.expect)
     if criterion.name != CRITERION:
         found.add(("criterion", "name"), f"unknown criterion '{criterion.name}'", f"known: {CRITERION}")
@@ -127,8 +127,8 @@ def build(document: Document, context: Context) -> Problem:
     covariance = None if truth.covariance is None else context.constant(truth.covariance, *where, "covariance")
     plant = _plant(document, context)
     if plant is None:
-        found.raise_if_any()
-    assert plant is not None
+        # a document without a usable mode always has a mistake that was noted
+        raise ProblemError(found.mistakes)
     # stand-ins for what is already known to be wrong let the problem look at all the rest
     problem = context.attempt(
         Problem,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.errors import Collector, Mistake, ProblemError, plural
 from occontrol.core.signal import Signal, as_signal
 
 
@@ -39,7 +39,7 @@ class JumpSensor:
             raise ProblemError(Mistake(("C",), f"C of sensor '{self.name}' has no entries"))
         if self.R.shape != (p, p):
             rows, columns = self.R.shape
-            what = f"R of sensor '{self.name}' is {rows}x{columns}, its C has {p} row{'s' * (p != 1)}"
+            what = f"R of sensor '{self.name}' is {rows}x{columns}, its C has {plural(p, 'row')}"
             raise ProblemError(Mistake(("R",), what, f"it must be {p}x{p}"))
 
     @property

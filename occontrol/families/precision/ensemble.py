@@ -57,6 +57,10 @@ class EnsembleFilter:
             found.add(("seed",), f"seed is {self.seed}", "a whole number, at least 0")
         found.raise_if_any()
 
+    def start(self, plant: NonlinearPlant, measurement: NonlinearMeasurement) -> Ensemble:
+        """The running filter, which stands at the plant's initial mean and covariance."""
+        return Ensemble(plant, measurement, self)
+
 
 class Ensemble:
     """A running ensemble filter.

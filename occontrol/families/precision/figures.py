@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from occontrol.core.solution import Solution
+from occontrol.families.precision.problem import Problem
+from occontrol.families.precision.result import BatchRecord, PrecisionResult, PruningRecord, numbers_of
 from occontrol.files.figures.style import (
     ACCENT,
     GREY,
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 MOST_LABELS = 25
 
 
-def draw(problem: Any, solution: Solution) -> dict[str, Figure]:
+def draw(problem: Problem, solution: Solution) -> dict[str, Figure]:
     """The overview, and where there are any: the batches of a sequence and the price of pruning.
 
     Parameters
@@ -37,17 +39,17 @@ def draw(problem: Any, solution: Solution) -> dict[str, Figure]:
     """
     if "precisions" not in solution.arrays:
         return {}
+    numbers = numbers_of(solution)
     with house_style():
-        figures = {"overview": _overview(problem, solution)}
-        if len(solution.arrays["precisions"]) > 1:
-            figures["sequence"] = _sequence(problem, solution)
-        removals = solution.result.get("pruning", {}).get("removals", [])
-        if len(removals) > 1:
-            figures["pruning"] = _pruning(problem, solution, removals)
+        figures = {"overview": _overview(problem, solution, numbers)}
+        if numbers.batches is not None and len(solution.arrays["precisions"]) > 1:
+            figures["sequence"] = _sequence(problem, solution, numbers.batches)
+        if numbers.pruning is not None and len(numbers.pruning.removals) > 1:
+            figures["pruning"] = _pruning(problem, numbers.pruning)
     return figures
 
 
-def draw_compare(problem: Any, solutions: Mapping[str, Solution]) -> Figure:
+def draw_compare(problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
     """The precisions of several methods side by side.
 
     Parameters
@@ -63,7 +65,7 @@ def draw_compare(problem: Any, solutions: Mapping[str, Solution]) -> Figure:
         width = 0.8 / max(1, len(usable))
         for j, (name, solution) in enumerate(usable.items()):
             values = solution.arrays["precisions"][0]
-            text = f"{name}: objective {solution.result['objective']:.6g}"
+            text = f"{name}: objective {numbers_of(solution).objective:.6g}"
             axes.bar(np.arange(len(values)) + (j + 0.5) * width - 0.4, values, width, color=PALETTE[j], label=text)
         _name_measurements(axes, labels)
         axes.set_ylabel("precision λ = 1 / noise variance")
@@ -88,11 +90,10 @@ def _name_measurements(axes: Axes, labels: list[str]) -> None:
     axes.set_xlim(-0.6, len(labels) - 0.4)
 
 
-def _overview(problem: Any, solution: Solution) -> Figure:
-    result = solution.result
+def _overview(problem: Problem, solution: Solution, numbers: PrecisionResult) -> Figure:
     text = (
-        f"objective {result['objective']:.6g}, proven bound {result['lower_bound']:.6g}; "
-        f"{result['active']} of {solution.arrays['precisions'].size} measurements are used"
+        f"objective {numbers.objective:.6g}, proven bound {numbers.lower_bound:.6g}; "
+        f"{numbers.active} of {solution.arrays['precisions'].size} measurements are used"
     )
     figure = new_figure(SLIDE, problem.name, text)
     left, right = figure.subplots(1, 2, gridspec_kw={"width_ratios": [1.35, 1]})
@@ -108,7 +109,7 @@ def _overview(problem: Any, solution: Solution) -> Figure:
     return figure
 
 
-def _bars(axes: Axes, problem: Any, precisions: np.ndarray) -> None:
+def _bars(axes: Axes, problem: Problem, precisions: np.ndarray) -> None:
     axes.set_title("How precise each sensor must be")
     axes.bar(np.arange(len(precisions)), precisions, 0.7, color=ACCENT)
     capped = np.isfinite(problem.caps) & (problem.caps <= 3 * max(np.max(precisions), 1e-300))
@@ -125,7 +126,7 @@ def _bars(axes: Axes, problem: Any, precisions: np.ndarray) -> None:
     axes.set_ylabel("precision λ = 1 / noise variance")
 
 
-def _map(axes: Axes, problem: Any, grid: np.ndarray, what: str) -> None:
+def _map(axes: Axes, problem: Problem, grid: np.ndarray, what: str) -> None:
     from matplotlib.colors import LogNorm
 
     axes.set_title("How precise each sensor must be at each step")
@@ -149,7 +150,7 @@ def _map(axes: Axes, problem: Any, grid: np.ndarray, what: str) -> None:
     axes.spines[:].set_visible(False)
 
 
-def _deviations(axes: Axes, problem: Any, solution: Solution) -> None:
+def _deviations(axes: Axes, problem: Problem, solution: Solution) -> None:
     prior, posterior, bound = (np.asarray(solution.arrays[k]) for k in ("prior", "posterior", "bound"))
     root = np.sqrt(np.diag(bound))
     x = np.arange(1, len(root) + 1)
@@ -174,22 +175,22 @@ def _deviations(axes: Axes, problem: Any, solution: Solution) -> None:
     axes.grid(axis="y")
 
 
-def _sequence(problem: Any, solution: Solution) -> Figure:
-    records = [r for r in solution.result["batches"] if "objective" in r]
+def _sequence(problem: Problem, solution: Solution, batches: Sequence[BatchRecord]) -> Figure:
+    records = [r for r in batches if r.objective is not None]
     figure = new_figure(SLIDE, problem.name, "batches one after another, measured with the precisions that were chosen")
     top, bottom = figure.subplots(2, 1, sharex=True)
-    k = [r["batch"] for r in records]
+    k = [r.batch for r in records]
     top.set_title("What each batch costs")
-    top.bar(k, [r["objective"] for r in records], 0.6, color=ACCENT)
+    top.bar(k, [r.objective for r in records], 0.6, color=ACCENT)
     for r in records:
-        top.annotate(f"{r['active']} used", (r["batch"], r["objective"]), xytext=(0, 3), textcoords="offset points",
+        top.annotate(f"{r.active} used", (r.batch, r.objective), xytext=(0, 3), textcoords="offset points",
                      ha="center", fontsize=9, color=GREY)  # fmt: skip
     top.set_ylabel("objective")
     bottom.set_title("True error against what was promised")
     n = problem.states
     promised = np.sqrt(np.trace(solution.arrays["posterior"], axis1=1, axis2=2) / n)
     allowed = np.sqrt(np.trace(problem.bound) / n)
-    bottom.plot(k, [r["rms_error"] for r in records], "o-", color=INK, label="true error of this run")
+    bottom.plot(k, [r.rms_error for r in records], "o-", color=INK, label="true error of this run")
     bottom.plot(k, promised[: len(k)], "s-", color=ACCENT, label="expected (posterior covariance)")
     bottom.axhline(allowed, color=SECOND, label="largest that the bound allows")
     bottom.set_ylabel("root mean square over the states")
@@ -201,20 +202,20 @@ def _sequence(problem: Any, solution: Solution) -> Figure:
     return figure
 
 
-def _pruning(problem: Any, solution: Solution, removals: list[Mapping[str, Any]]) -> Figure:
+def _pruning(problem: Problem, pruning: PruningRecord) -> Figure:
     from matplotlib.ticker import MaxNLocator
 
-    figure = new_figure(SLIDE, problem.name, f"pruning ended: {solution.result['pruning']['reason']}")
+    figure = new_figure(SLIDE, problem.name, f"pruning ended: {pruning.reason}")
     axes = figure.add_subplot()
     axes.set_title("What it costs to do with fewer sensors")
-    before = solution.result["pruning"]["objective_before"]
-    left, cost = [r["remaining"] for r in removals], [r["objective"] for r in removals]
+    before, removals = pruning.objective_before, pruning.removals
+    left, cost = [r.remaining for r in removals], [r.objective for r in removals]
     axes.plot(left, cost, "o-", color=ACCENT)
     for r in removals:
-        if r["price"] <= 1e-3 * before:
+        if r.price <= 1e-3 * before:
             continue
-        name = shorten(", ".join(r["removed"]), 18)
-        axes.annotate(f"without {name}", (r["remaining"], r["objective"]), xytext=(-7, 4), textcoords="offset points",
+        name = shorten(", ".join(r.removed), 18)
+        axes.annotate(f"without {name}", (r.remaining, r.objective), xytext=(-7, 4), textcoords="offset points",
                       ha="right", fontsize=8.5, color=GREY)  # fmt: skip
     axes.axhline(before, color=SECOND, lw=1.2, label="all sensors")
     if max(cost) > 30 * before:

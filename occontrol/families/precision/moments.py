@@ -11,6 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occontrol.core.checks import check_covariance
+from occontrol.core.errors import Mistake
+
 
 @dataclass(frozen=True, eq=False)
 class Moments:
@@ -137,3 +140,41 @@ def printed_blocks(moments: Moments, bound: np.ndarray) -> tuple[np.ndarray, np.
     constant[:n, :n] = bound - moments.state
     constant[n:, n:] = np.linalg.inv(moments.measurement)
     return constant, np.hstack([moments.cross.T, np.eye(m)])
+
+
+def check_moments(moments: Moments) -> list[Mistake]:
+    """What is wrong with moments that a user gave; paths are state, cross and measurement.
+
+    Parameters
+    ----------
+    moments : Moments whose state and measurement are square
+    """
+    n, m = moments.state.shape[0], moments.measurement.shape[0]
+    mistakes = check_covariance("state", moments.state, ("state",))
+    mistakes += check_covariance("measurement", moments.measurement, ("measurement",))
+    if moments.cross.shape != (n, m):
+        rows, columns = moments.cross.shape
+        what = f"cross is {rows}x{columns}, but state is {n}x{n} and measurement {m}x{m}"
+        hint = f"it must be {n}x{m}: one row per state, one column per sensor"
+        mistakes.append(Mistake(("cross",), what, hint))
+    if mistakes:
+        return mistakes
+    joint = np.block([[moments.state, moments.cross], [moments.cross.T, moments.measurement]])
+    scale = np.sqrt(np.maximum(np.diag(joint), 0.0))
+    if np.any((scale == 0) & np.any(joint != 0, axis=1)):
+        i = int(np.argmax((scale == 0) & np.any(joint != 0, axis=1)))
+        which = f"state {i + 1}" if i < n else f"measurement {i - n + 1}"
+        return [
+            Mistake(
+                ("cross",),
+                f"{which} has variance 0 but a covariance with others",
+                "no random vector has these moments",
+            )
+        ]
+    safe = np.where(scale > 0, scale, 1.0)
+    smallest = float(np.linalg.eigvalsh(joint / safe / safe[:, None])[0])
+    if smallest < -1e-7:
+        what = "state, cross and measurement together are not positive semidefinite: "
+        what += f"smallest eigenvalue {smallest:g} (unit diagonal)"
+        return [Mistake((), what, "no random vector has these moments; measurement is Syy without the sensor noise")]
+    return []

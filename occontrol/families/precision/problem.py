@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.checks import check_covariance
-from occontrol.core.errors import Collector, InfeasibleError, Mistake
+from occontrol.core.errors import Collector, InfeasibleError, Mistake, UsageError
 from occontrol.families.precision.ensemble import EnsembleFilter
 from occontrol.families.precision.measurement import NonlinearMeasurement
-from occontrol.families.precision.moments import Moments
+from occontrol.families.precision.moments import Moments, check_moments
 from occontrol.families.precision.plant import NonlinearPlant
-from occontrol.families.precision.program import PrecisionProgram, examine
+from occontrol.families.precision.program import Program, examine
 from occontrol.families.precision.pruning import Pruning
+from occontrol.families.precision.reach import infeasible_text
 from occontrol.families.precision.sigma_points import noise_root
 from occontrol.families.precision.unscented import UnscentedFilter
 
@@ -51,7 +52,7 @@ class Problem:
     caps, prices, fixed : numbers, or lists of m (alike in every step) or q*m entries; None entries: no cap, not fixed
     prune : Pruning, or None
     truth_seed : of the simulated truth and measurement noise
-    method : a METHODS value, or None for the first
+    method : an object of one of the family's methods, or None for the first
     expect : {source, cost, tolerance}, the known answer, if any
 
     Raises ProblemError naming every mistake. Das & Bhattacharya, theorem 1 and section 4.2.
@@ -85,12 +86,11 @@ class Problem:
             for key in ("measurement", "filter"):
                 if getattr(self, key) is None:
                     found.add((), f"the problem has a plant but no {key}", f"add {key}: {{..}}", key=True)
-        else:
+        elif self.moments is not None:
             for key in ("measurement", "filter"):
                 if getattr(self, key) is not None:
                     found.add((key,), f"{key} does not go with moments", "leave it out, or give a plant", key=True)
-            assert self.moments is not None
-            found.mistakes += _check_moments(self.moments)
+            found.mistakes += [m.under("moments") for m in check_moments(self.moments)]
         structure = not found.mistakes or self.moments is not None
         sized = True
         for key, most in (("batch", 1000), ("batches", 10_000)):
@@ -203,15 +203,28 @@ class Problem:
         """What `smallest_factor` is a multiple of: bound.factor, or 1 for a bound matrix."""
         return 1.0 if self.bound_factor is None else float(self.bound_factor)
 
-    def program(self, moments: Moments) -> PrecisionProgram:
+    def program(self, moments: Moments) -> Program:
         """The program of one batch with these moments."""
-        return PrecisionProgram(moments, self.bound, self.prices, self.caps, self.fixed)
+        return Program(moments, self.bound, self.prices, self.caps, self.fixed)
+
+    def dynamics(self, what: str) -> tuple[NonlinearPlant, NonlinearMeasurement, EnsembleFilter | UnscentedFilter]:
+        """Plant, measurement and filter; UsageError for plain moments, which have no plant to `what`."""
+        if self.plant is None or self.measurement is None or self.filter is None:
+            raise UsageError(
+                f"a problem with plain moments has no plant to {what}\n  hint: give plant, measurement and filter"
+            )
+        return self.plant, self.measurement, self.filter
+
+    def first_moments(self) -> Moments:
+        """The moments that the first batch will be decided by."""
+        if self.moments is not None:
+            return self.moments
+        plant, measurement, filter_ = self.dynamics("forecast")
+        return filter_.start(plant, measurement).forecast(self.batch).moments
 
     def require_feasible(self) -> None:
         """Raise InfeasibleError when the first batch cannot meet the bound; later ones depend on what is measured."""
-        from occontrol.families.precision.text import first_moments, infeasible_text
-
-        _, verdict, _ = examine(self.program(first_moments(self)))
+        _, verdict, _ = examine(self.program(self.first_moments()))
         if not verdict.feasible:
             raise InfeasibleError(infeasible_text(self, verdict))
 
@@ -232,42 +245,6 @@ class Problem:
         if self.batch == 1:
             return list(self.names)
         return [f"{name}@{j + 1}" for j in range(self.batch) for name in self.names]
-
-
-def _check_moments(moments: Moments) -> list[Mistake]:
-    n, m = moments.state.shape[0], moments.measurement.shape[0]
-    mistakes = check_covariance("state", moments.state, ("moments", "state"))
-    mistakes += check_covariance("measurement", moments.measurement, ("moments", "measurement"))
-    if moments.cross.shape != (n, m):
-        rows, columns = moments.cross.shape
-        what = f"cross is {rows}x{columns}, but state is {n}x{n} and measurement {m}x{m}"
-        hint = f"it must be {n}x{m}: one row per state, one column per sensor"
-        mistakes.append(Mistake(("moments", "cross"), what, hint))
-    if mistakes:
-        return mistakes
-    joint = np.block([[moments.state, moments.cross], [moments.cross.T, moments.measurement]])
-    scale = np.sqrt(np.maximum(np.diag(joint), 0.0))
-    if np.any((scale == 0) & np.any(joint != 0, axis=1)):
-        i = int(np.argmax((scale == 0) & np.any(joint != 0, axis=1)))
-        which = f"state {i + 1}" if i < n else f"measurement {i - n + 1}"
-        return [
-            Mistake(
-                ("moments", "cross"),
-                f"{which} has variance 0 but a covariance with others",
-                "no random vector has these moments",
-            )
-        ]
-    safe = np.where(scale > 0, scale, 1.0)
-    smallest = float(np.linalg.eigvalsh(joint / safe / safe[:, None])[0])
-    if smallest < -1e-7:
-        what = "state, cross and measurement together are not positive semidefinite: "
-        what += f"smallest eigenvalue {smallest:g} (unit diagonal)"
-        return [
-            Mistake(
-                ("moments",), what, "no random vector has these moments; measurement is Syy without the sensor noise"
-            )
-        ]
-    return []
 
 
 PrecisionProblem = Problem  # its name outside of the family

@@ -34,7 +34,7 @@ ROUTES = ("barrier", "clarabel", "factor")
 
 
 @dataclass(frozen=True, eq=False)
-class PrecisionProgram:
+class Program:
     """One program.
 
     Parameters
@@ -71,7 +71,7 @@ class PrecisionProgram:
         """Indices of the precisions that are to be chosen."""
         return np.flatnonzero(np.isnan(self.fixed))
 
-    def without(self, dropped: np.ndarray) -> PrecisionProgram:
+    def without(self, dropped: np.ndarray) -> Program:
         """The same program with some sensors (indices) not available."""
         caps = self.caps.copy()
         caps[dropped] = 0.0
@@ -79,7 +79,7 @@ class PrecisionProgram:
 
 
 @dataclass(frozen=True, eq=False)
-class PrecisionResult:
+class Outcome:
     """What was found and what is proven.
 
     Parameters
@@ -123,7 +123,7 @@ def relative_margin(posterior: np.ndarray, bound: np.ndarray) -> float:
     return 1.0 - float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[-1])
 
 
-def examine(program: PrecisionProgram) -> tuple[Factored, Feasibility, Moments]:
+def examine(program: Program) -> tuple[Factored, Feasibility, Moments]:
     """Condition on the fixed precisions, scale, and decide feasibility in closed form."""
     free = program.free
     moments = program.moments
@@ -137,14 +137,14 @@ def examine(program: PrecisionProgram) -> tuple[Factored, Feasibility, Moments]:
 
 
 def solve_program(
-    program: PrecisionProgram,
+    program: Program,
     route: str = "barrier",
     relative_gap: float = 1e-6,
     tolerance: float = 1e-12,
     max_iterations: int = 100,
     monitor: Monitor | None = None,
-) -> PrecisionResult:
-    """Solve a PrecisionProgram by one of ROUTES and prove how good the answer is.
+) -> Outcome:
+    """Solve a Program by one of ROUTES and prove how good the answer is.
 
     Parameters
     ----------
@@ -169,11 +169,11 @@ def solve_program(
             f"The bound cannot be met: the smallest reachable bound is {verdict.factor:.10g} times the present one."
         )
         nan = float("nan")
-        return PrecisionResult(Status.INFEASIBLE, message, None, nan, nan, nan, nan, None, verdict, "closed form")
+        return Outcome(Status.INFEASIBLE, message, None, nan, nan, nan, nan, None, verdict, "closed form")
     prices, caps = program.prices[index], program.caps[index]
     slack = 2e-9 if verdict.tight else 0.0
     reduced = reduced_form(split, prices, caps, verdict.keep, slack)
-    best: PrecisionResult | None = None
+    best: Outcome | None = None
     for name in (route, "clarabel") if route == "barrier" else (route,):
         form = factor_form(split, prices, caps) if name == "factor" else reduced
         if name != "barrier" and form.rows > (LARGEST if name == route else SECOND_OPINION):
@@ -209,7 +209,7 @@ def _run(form: NormalForm, name: str, tolerance: float, max_iterations: int, mon
 
 
 def _repair(
-    program: PrecisionProgram, zero: np.ndarray, index: np.ndarray, form: NormalForm, iterate: Iterate
+    program: Program, zero: np.ndarray, index: np.ndarray, form: NormalForm, iterate: Iterate
 ) -> np.ndarray | None:
     """Drop what is negligible, then move out by the least amount that meets the bound; None if nothing near does."""
     if iterate.values is None or iterate.slack is None:
@@ -232,7 +232,7 @@ def _repair(
 
 
 def _finish(
-    program: PrecisionProgram,
+    program: Program,
     precisions: np.ndarray | None,
     lower: float,
     verdict: Feasibility,
@@ -240,11 +240,11 @@ def _finish(
     iterate: Iterate,
     relative_gap: float,
     monitor: Monitor,
-) -> PrecisionResult:
+) -> Outcome:
     nan = float("nan")
     if precisions is None:
         message = f"The solver ended with nothing that meets the bound ({iterate.note}); try the other method."
-        return PrecisionResult(
+        return Outcome(
             Status.FAILED, message, None, nan, lower, nan, nan, None, verdict, route, iterate.iterations, iterate.note
         )
     posterior = posterior_covariance(program.moments, precisions)
@@ -272,7 +272,7 @@ def _finish(
             Status.LIMIT,
             f"The bound is met, the proven gap is {gap:.1e}; raise max_iterations or relative_gap.",
         )
-    return PrecisionResult(
+    return Outcome(
         status,
         message,
         precisions,

@@ -15,9 +15,9 @@ import numpy as np
 from occontrol.core.errors import Collector
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
-from occontrol.families.precision.program import PrecisionProgram, PrecisionResult, examine
+from occontrol.families.precision.program import Outcome, Program, examine
 
-Solve = Callable[[PrecisionProgram], PrecisionResult]
+Solve = Callable[[Program], Outcome]
 ACTIVE = 1e-9  # of the largest share of signal to noise: below, a sensor is not in use
 
 
@@ -69,7 +69,7 @@ class Pruned:
 
     Parameters
     ----------
-    result : PrecisionResult of the program without the dropped sensors
+    result : Outcome of the program without the dropped sensors
     removals : one record per removal, in order; unused sensors go first and cost nothing
     refused : groups that were kept because the linearised plant would lose its detectability
     reason : why it ended
@@ -77,7 +77,7 @@ class Pruned:
     proven : whether the set is the best of its size (exact search only)
     """
 
-    result: PrecisionResult
+    result: Outcome
     removals: tuple[Removal, ...]
     refused: tuple[int, ...]
     reason: str
@@ -85,21 +85,21 @@ class Pruned:
     proven: bool = False
 
 
-def shares(program: PrecisionProgram, precisions: np.ndarray) -> np.ndarray:
+def shares(program: Program, precisions: np.ndarray) -> np.ndarray:
     """(m,) lambda_i Y_ii, the signal to noise ratio of every measurement: a pure number."""
     return precisions * np.diag(program.moments.measurement)
 
 
-def active(program: PrecisionProgram, precisions: np.ndarray) -> np.ndarray:
+def active(program: Program, precisions: np.ndarray) -> np.ndarray:
     """Indices of the measurements that are in use."""
     share = shares(program, precisions)
     return np.flatnonzero(share > ACTIVE * np.max(share, initial=0.0))
 
 
 def prune(
-    program: PrecisionProgram,
+    program: Program,
     solve: Solve,
-    first: PrecisionResult,
+    first: Outcome,
     groups: Sequence[np.ndarray],
     options: Pruning,
     spared: Callable[[np.ndarray], bool] | None = None,
@@ -161,7 +161,7 @@ def prune(
 
 
 def best_set(
-    program: PrecisionProgram,
+    program: Program,
     solve: Solve,
     groups: Sequence[np.ndarray],
     sensors: int | None,
@@ -184,7 +184,7 @@ def best_set(
             if found is not None:
                 return found
         return None
-    best: PrecisionResult | None = None
+    best: Outcome | None = None
     best_out: list[int] = []
     nodes, proven = 0, True
     stack: list[tuple[list[int], list[int]]] = [([], [])]
@@ -227,21 +227,21 @@ def _indices(groups: Sequence[np.ndarray], chosen: Sequence[int]) -> np.ndarray:
     return np.concatenate([groups[g] for g in chosen]).astype(int) if len(chosen) else np.zeros(0, dtype=int)
 
 
-def _left(program: PrecisionProgram, groups: Sequence[np.ndarray], dropped: Sequence[int]) -> np.ndarray:
+def _left(program: Program, groups: Sequence[np.ndarray], dropped: Sequence[int]) -> np.ndarray:
     """Indices of the measurements that may still be used."""
     usable = (program.caps > 0) & ~(program.fixed == 0)
     usable[_indices(groups, dropped)] = False
     return np.flatnonzero(usable)
 
 
-def _strength(program: PrecisionProgram, precisions: np.ndarray, group: np.ndarray) -> float:
+def _strength(program: Program, precisions: np.ndarray, group: np.ndarray) -> float:
     return float(np.sum((program.prices * precisions)[group]))
 
 
-def _groups_in_use(program: PrecisionProgram, precisions: np.ndarray, groups: Sequence[np.ndarray]) -> list[int]:
+def _groups_in_use(program: Program, precisions: np.ndarray, groups: Sequence[np.ndarray]) -> list[int]:
     on = set(active(program, precisions).tolist())
     return [g for g, members in enumerate(groups) if on & set(members.tolist())]
 
 
-def _ascending(program: PrecisionProgram, precisions: np.ndarray, groups: Sequence[np.ndarray]) -> list[int]:
+def _ascending(program: Program, precisions: np.ndarray, groups: Sequence[np.ndarray]) -> list[int]:
     return sorted(range(len(groups)), key=lambda g: _strength(program, precisions, groups[g]))

@@ -1,165 +1,178 @@
-"""What a solve of the precision family hands over: numbers for result.json, and arrays."""
+"""What a precision solve found, as data: the numbers of all batches, of each batch, and of the pruning."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self
 
-import numpy as np
+from occontrol.core.result import ResultData
+from occontrol.core.solution import Solution
 
-from occontrol.core.monitor import Monitor
-from occontrol.core.result import PlainResult
-from occontrol.core.solution import Certificate, Solution, Status
-from occontrol.families.precision.problem import Problem
-from occontrol.families.precision.program import MEETS, PrecisionResult, relative_margin
-from occontrol.families.precision.pruning import Pruned, active
-from occontrol.families.precision.sequence import BatchOutcome
-from occontrol.families.precision.text import infeasible_text
-
-Steps = list[tuple[PrecisionResult, Pruned | None]]
-_WORST = (
-    Status.FAILED,
-    Status.INFEASIBLE,
-    Status.DISAGREES,
-    Status.INTERRUPTED,
-    Status.LIMIT,
-    Status.FEASIBLE,
-    Status.CERTIFIED,
-)
+_OPTIONAL: dict[str, Any] = {"default": None, "metadata": {"optional": True}}
 
 
-def assemble(
-    problem: Problem, method: str, steps: Steps, outcomes: list[BatchOutcome], monitor: Monitor, seconds: float
-) -> Solution:
-    """The Solution of all batches; the family's names as in result.json."""
-    records = [_record(problem, k, *step, outcomes) for k, step in enumerate(steps)]
-    status = min((Status(r["status"]) for r in records), key=_WORST.index)
-    missing = problem.batches - len(records)
-    if missing and status not in (Status.INFEASIBLE, Status.FAILED):
-        status = Status.INTERRUPTED if monitor.interrupted else Status.LIMIT
-    finals = [pruned.result if pruned is not None else result for result, pruned in steps]
-    good = [f for f in finals if f.precisions is not None]
-    bad = next((k for k, f in enumerate(finals) if f.precisions is None), None)
-    result: dict[str, Any] = {"name": problem.name}
-    arrays: dict[str, np.ndarray] = {"bound": problem.bound}
-    certificate = None
-    verdict = finals[-1].feasibility if bad is None else finals[bad].feasibility
-    # a bound below the reach of any precision: what could be had instead, and what stands in the way
-    result["smallest_factor"] = problem.factor * max(first.feasibility.factor for first, _ in steps)
-    if bad is not None:
-        result["preventing_direction"] = verdict.direction.tolist()
-        result["infeasible_batch"] = bad + 1
-        message = finals[bad].message
-        if finals[bad].status is Status.INFEASIBLE and verdict.factor >= 1 - 1e-9:
-            message = infeasible_text(problem, verdict)
-        if len(records) > 1 or problem.batches > 1:
-            message = f"Batch {bad + 1} of {problem.batches}: {message}"
-    else:
-        message = finals[0].message if len(finals) == 1 else f"{len(finals)} batches, each within its bound."
-        if missing:
-            message = f"Stopped after {len(finals)} of {problem.batches} batches, each within its bound."
-        pruned = steps[0][1]
-        if pruned is not None and len(finals) == 1:
-            message = f"{records[0]['active']} sensors are left ({pruned.reason}); " + message[0].lower() + message[1:]
-        objective, lower = sum(f.objective for f in finals), sum(r["lower_bound"] for r in records)
-        certificate = Certificate(objective, min(lower, objective))
-        precisions = np.concatenate([f.precisions for f in good])  # type: ignore[misc]
-        result |= {
-            "objective": objective,
-            **certificate.as_dict(),
-            "precisions": precisions.tolist(),
-            "active": sum(r["active"] for r in records),
-            "active_sensors": records[0]["active_sensors"] if len(records) == 1 else None,
-            "margin": min(f.margin for f in finals),
-            "relative_margin": min(f.relative_margin for f in finals),
-            "total_precision": float(np.sum(precisions)),
-            "least_active": sum(f.feasibility.least_active for f in finals),
-        }
-        result = {key: value for key, value in result.items() if value is not None}
-    if len(records) > 1 or problem.batches > 1:
-        result["batches"] = records
-        solved = [o for o in outcomes if o.observed is not None and np.isfinite(o.nis)]
-        if solved:
-            error = np.array([o.mean - o.truth for o in solved])
-            result["rms_error"] = float(np.sqrt(np.mean(error**2)))
-    elif "pruning" in records[0]:
-        result["pruning"] = records[0]["pruning"]
-    result["route"] = finals[-1].route
-    if good:
-        arrays["precisions"] = np.array([f.precisions for f in good])
-        arrays["posterior"] = np.array([f.posterior for f in good])
-    if outcomes:
-        arrays |= {
-            "prior": np.array([o.forecast.moments.state for o in outcomes]),
-            "measurement_times": np.concatenate([o.forecast.times for o in outcomes]),
-            "estimate": np.array([o.mean for o in outcomes]),
-            "truth": np.array([o.truth for o in outcomes]),
-            "filter_covariance": np.array([o.filter_covariance for o in outcomes]),
-        }
-    elif problem.moments is not None:
-        arrays["prior"] = problem.moments.state[None]
-    iterations = sum(f.iterations for f in finals)
-    return Solution(
-        "precision", method, status, message, iterations, seconds, PlainResult(result), arrays, None, certificate,
-        tuple(monitor.history), problem=problem,
-    )  # fmt: skip
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RemovalRecord(ResultData):
+    """One step of the pruning.
+
+    Parameters
+    ----------
+    removed : labels of the measurements that left together
+    objective, price : afterwards, and what leaving them out cost
+    remaining : how many groups of measurements may still be used
+    """
+
+    removed: list[str]
+    objective: float
+    price: float
+    remaining: int
 
 
-def _record(
-    problem: Problem, k: int, result: PrecisionResult, pruned: Pruned | None, outcomes: list[BatchOutcome]
-) -> dict[str, Any]:
-    """One batch as it stands in result.json."""
-    final = result if pruned is None else pruned.result
-    record: dict[str, Any] = {"batch": k + 1, "status": str(final.status)}
-    record["smallest_factor"] = problem.factor * result.feasibility.factor
-    if final.precisions is None:
-        return record
-    status = final.status
-    if pruned is not None and status is Status.CERTIFIED and final.objective > result.objective * (1 + 1e-6):
-        status = Status.FEASIBLE  # the bound below is that of all sensors
-    moments = problem.moments if not outcomes else outcomes[k].forecast.moments
-    assert moments is not None
-    labels, on = problem.labels(), active(problem.program(moments), final.precisions)
-    record |= {
-        "status": str(status),
-        "objective": final.objective,
-        "lower_bound": min(result.lower_bound, final.objective),
-        "active": len(on),
-        "active_sensors": [labels[i] for i in on],
-        "margin": final.margin,
-        "relative_margin": final.relative_margin,
-        "least_active": final.feasibility.least_active,
-    }
-    if outcomes:
-        outcome = outcomes[k]
-        record["rms_error"] = float(np.sqrt(np.mean((outcome.mean - outcome.truth) ** 2)))
-        record["filter_relative_margin"] = relative_margin(outcome.filter_covariance, problem.bound)
-        record["guarantee"] = bool(relative_margin(outcome.covariance, problem.bound) >= -MEETS)
-        if np.isfinite(outcome.nis):
-            record["nis"] = outcome.nis
-    if pruned is not None:
-        record["pruning"] = _pruning(problem, result, pruned)
-    return record
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PruningRecord(ResultData):
+    """What it costs to do with fewer sensors.
+
+    Parameters
+    ----------
+    objective_before : with all sensors
+    removals : one record per removal, in order
+    refused : labels of what was kept because the linearised plant would lose its detectability
+    reason : why it ended
+    restricted_lower_bound : proven for the sensors that are left
+    proven : whether the set is the best of its size (exact search only)
+    """
+
+    objective_before: float
+    removals: Sequence[RemovalRecord]
+    refused: list[str]
+    reason: str
+    restricted_lower_bound: float
+    proven: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """The entries of result.json."""
+        return super().as_dict() | {"removals": [record.as_dict() for record in self.removals]}
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """The record that `content` describes."""
+        return super().from_dict({**content, "removals": _records(RemovalRecord, content.get("removals") or ())})
 
 
-def _pruning(problem: Problem, result: PrecisionResult, pruned: Pruned) -> dict[str, Any]:
-    labels, groups = problem.labels(), problem.groups()
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BatchRecord(ResultData):
+    """One batch; what is None has no entry, as most of it where the bound could not be met.
 
-    def called(members: tuple[int, ...]) -> list[str]:
-        return [labels[i] for g in members for i in groups[g]]
+    Parameters
+    ----------
+    batch, status : number from 1 on, how its program ended
+    smallest_factor : the smallest bound that precision can reach, in the user's terms
+    objective, lower_bound : sum of price times precision, and what no choice of precisions undercuts
+    active, active_sensors : how many measurements are used, and their labels
+    margin, relative_margin : smallest eigenvalue of bound - posterior, and in units of the bound
+    least_active : at least this many measurements are needed
+    rms_error : of the estimate against the simulated truth, over the states
+    filter_relative_margin : of the covariance that the filter itself holds
+    guarantee : whether the covariance (11) keeps the bound
+    nis : normalised innovation squared; None where nothing was measured
+    pruning : PruningRecord, where sensors were dropped
+    """
 
-    removals = [
-        {
-            "removed": called(r.groups),
-            "objective": r.objective,
-            "price": r.price if np.isfinite(r.price) else r.objective - result.objective,
-            "remaining": r.remaining,
-        }
-        for r in pruned.removals
-    ]
-    before = {"objective_before": result.objective, "removals": removals, "refused": called(pruned.refused)}
-    return {
-        **before,
-        "reason": pruned.reason,
-        "restricted_lower_bound": pruned.result.lower_bound,
-        "proven": pruned.proven,
-    }
+    batch: int
+    status: str
+    smallest_factor: float
+    objective: float | None = field(**_OPTIONAL)
+    lower_bound: float | None = field(**_OPTIONAL)
+    active: int | None = field(**_OPTIONAL)
+    active_sensors: list[str] | None = field(**_OPTIONAL)
+    margin: float | None = field(**_OPTIONAL)
+    relative_margin: float | None = field(**_OPTIONAL)
+    least_active: int | None = field(**_OPTIONAL)
+    rms_error: float | None = field(**_OPTIONAL)
+    filter_relative_margin: float | None = field(**_OPTIONAL)
+    guarantee: bool | None = field(**_OPTIONAL)
+    nis: float | None = field(**_OPTIONAL)
+    pruning: PruningRecord | None = field(**_OPTIONAL)
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """The record that `content` describes."""
+        return super().from_dict({**content, "pruning": _pruning(content)})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PrecisionResult(ResultData):
+    """The numbers of all batches; what is None has no entry.
+
+    Parameters
+    ----------
+    name : of the problem
+    smallest_factor : the smallest bound that precision can reach: as a factor where the problem gives a factor, else
+        as a multiple of the bound matrix
+    preventing_direction : (n,) weights of the combination of states whose error prevents more, of a bound out of reach
+    infeasible_batch : number of the batch that could not meet the bound
+    objective, cost : sum of price times precision over all batches (the same number under both names)
+    lower_bound, relative_gap : what no choice of precisions undercuts, and (cost - lower_bound)/cost
+    precisions : (K q m,) batch by batch, step by step
+    active, active_sensors : how many measurements are used; their labels, of a single batch
+    margin, relative_margin : the smallest of all batches, see BatchRecord
+    total_precision : sum of the precisions, without prices
+    least_active : at least this many measurements are needed
+    batches : one BatchRecord each; None of a single batch
+    rms_error : of the estimates against the simulated truth, over states and batches
+    pruning : PruningRecord of a single batch
+    route : the solver that gave the last answer
+    """
+
+    name: str
+    smallest_factor: float
+    preventing_direction: list[float] | None = field(**_OPTIONAL)
+    infeasible_batch: int | None = field(**_OPTIONAL)
+    objective: float | None = field(**_OPTIONAL)
+    cost: float | None = field(**_OPTIONAL)
+    lower_bound: float | None = field(**_OPTIONAL)
+    relative_gap: float | None = field(**_OPTIONAL)
+    precisions: list[float] | None = field(**_OPTIONAL)
+    active: int | None = field(**_OPTIONAL)
+    active_sensors: list[str] | None = field(**_OPTIONAL)
+    margin: float | None = field(**_OPTIONAL)
+    relative_margin: float | None = field(**_OPTIONAL)
+    total_precision: float | None = field(**_OPTIONAL)
+    least_active: int | None = field(**_OPTIONAL)
+    batches: Sequence[BatchRecord] | None = field(**_OPTIONAL)
+    rms_error: float | None = field(**_OPTIONAL)
+    pruning: PruningRecord | None = field(**_OPTIONAL)
+    route: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """The entries of result.json."""
+        content = super().as_dict()
+        return content if self.batches is None else content | {"batches": [record.as_dict() for record in self.batches]}
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """The result that `content` describes."""
+        batches = content.get("batches")
+        records = None if batches is None else _records(BatchRecord, batches)
+        return super().from_dict({**content, "batches": records, "pruning": _pruning(content)})
+
+
+def _records(kind: type[ResultData], contents: Sequence[Mapping[str, Any]]) -> tuple[Any, ...]:
+    return tuple(kind.from_dict(content) for content in contents)
+
+
+def _pruning(content: Mapping[str, Any]) -> PruningRecord | None:
+    stated = content.get("pruning")
+    return PruningRecord.from_dict(stated) if isinstance(stated, Mapping) else None
+
+
+def numbers_of(solution: Solution) -> PrecisionResult:
+    """The numbers of a solution as their type; also where the run was read from a folder.
+
+    Parameters
+    ----------
+    solution : Solution of this family
+    """
+    own = solution.numbers
+    return own if isinstance(own, PrecisionResult) else PrecisionResult.from_dict(solution.result)

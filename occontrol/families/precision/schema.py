@@ -72,11 +72,11 @@ class Document(Strict):
 
 def build(document: Document, context: Context) -> Problem:
     """The problem that the document describes; ProblemError with every mistake."""
-    from occontrol.families.precision.family import METHODS
+    from occontrol.families.precision.family import FAMILY
 
     found = context.found
     name, expect = context.title(document.name), context.expect(document.expect)
-    method = None if document.method is None else context.method(document.method, METHODS)
+    method = None if document.method is None else context.method(document.method, FAMILY.methods)
     numbers = {key: read_numbers(getattr(document, key), key, context) for key in ("caps", "prices", "fixed")}
     matrix = None if document.bound.matrix is None else context.constant(document.bound.matrix, "bound", "matrix")
     pruning = None
@@ -162,8 +162,7 @@ def document(problem: Problem) -> dict[str, Any]:
         m = problem.moments
         result["moments"] = {key: getattr(m, key).tolist() for key in ("state", "cross", "measurement")}
     else:
-        plant, measurement = problem.plant, problem.measurement
-        assert plant is not None and measurement is not None
+        plant, measurement, filter_ = problem.dynamics("write")
         entry = {"model": plant.model, "size": plant.states, **plant.parameters, "f": plain(plant.f)}
         substeps = None if plant.step is None else int(plant.substeps)
         result["plant"] = prune({**entry, "step": plant.step, "substeps": substeps})
@@ -171,7 +170,7 @@ def document(problem: Problem) -> dict[str, Any]:
         result["measurement"] = prune({"model": measurement.model, "h": h, "names": list(measurement.names or ())})
         result["initial"] = {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()}
         result["noise"] = plant.noise.tolist()
-        result["filter"] = {"name": problem.filter.name, **options_document(problem.filter)}  # type: ignore[union-attr, dict-item]
+        result["filter"] = {"name": filter_.name, **(options_document(filter_) or {})}
         result["truth"] = {"seed": problem.truth_seed}
     matrix = None if problem.bound_matrix is None else np.asarray(problem.bound_matrix).tolist()
     result["bound"] = prune({"factor": problem.bound_factor, "matrix": matrix})

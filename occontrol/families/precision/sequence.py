@@ -8,14 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
-from occontrol.families.precision.ensemble import Ensemble, EnsembleFilter
+from occontrol.families.precision.ensemble import EnsembleFilter
 from occontrol.families.precision.forecast import Forecast, draw, split_seed
 from occontrol.families.precision.measurement import NonlinearMeasurement
 from occontrol.families.precision.plant import NonlinearPlant
-from occontrol.families.precision.unscented import Unscented, UnscentedFilter
+from occontrol.families.precision.unscented import UnscentedFilter
+
+
+class Chosen(Protocol):
+    """What decides about a batch."""
+
+    @property
+    def precisions(self) -> Any:
+        """(q*m,), or None where nothing meets the bound."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,22 +53,13 @@ class BatchOutcome:
     """
 
     forecast: Forecast
-    chosen: object
+    chosen: Chosen
     observed: np.ndarray
     mean: np.ndarray
     covariance: np.ndarray
     filter_covariance: np.ndarray
     truth: np.ndarray
     nis: float
-
-
-def start_filter(
-    plant: NonlinearPlant, measurement: NonlinearMeasurement, options: EnsembleFilter | UnscentedFilter
-) -> Ensemble | Unscented:
-    """The running filter that the options describe."""
-    if isinstance(options, EnsembleFilter):
-        return Ensemble(plant, measurement, options)
-    return Unscented(plant, measurement, options)
 
 
 def simulate_truth(plant: NonlinearPlant, measurement: NonlinearMeasurement, steps: int, seed: int) -> Truth:
@@ -98,10 +99,10 @@ def run_sequence(
     options: EnsembleFilter | UnscentedFilter,
     batch: int,
     batches: int,
-    choose: Callable[[Forecast, int], object],
+    choose: Callable[[Forecast, int], Chosen | None],
     seed: int = 0,
 ) -> list[BatchOutcome]:
-    """Run `batches` batches of `batch` steps; ends early when `choose` returns something without `precisions`.
+    """Run `batches` batches of `batch` steps; ends early when `choose` has no precisions to measure with.
 
     Parameters
     ----------
@@ -111,7 +112,7 @@ def run_sequence(
 
     The last outcome of a sequence that ended early holds the refused choice, and the forecast as its estimate.
     """
-    filter_ = start_filter(plant, measurement, options)
+    filter_ = options.start(plant, measurement)
     truth = simulate_truth(plant, measurement, batch * batches, seed)
     generator = split_seed(seed, 4)
     outcomes = []
@@ -120,7 +121,7 @@ def run_sequence(
         chosen = choose(forecast, k)
         if chosen is None:
             break
-        precisions = getattr(chosen, "precisions", None)
+        precisions = chosen.precisions
         end = truth.states[(k + 1) * batch]
         if precisions is None:
             prior, none = forecast.moments.state, np.full(len(forecast.measurement_mean), np.nan)

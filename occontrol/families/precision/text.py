@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.solution import Solution
-from occontrol.families.precision.feasibility import Feasibility
 from occontrol.families.precision.linearised import linearise_batch, undetectable_modes
-from occontrol.families.precision.moments import Moments
 from occontrol.families.precision.problem import Problem
 from occontrol.families.precision.program import examine
-from occontrol.families.precision.sequence import start_filter
+from occontrol.families.precision.result import numbers_of
 
 MOST_STATES = 80  # for the detectability line of `check`: one decomposition per mode
 
@@ -23,39 +21,39 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     problem : Problem
     solution : Solution
     """
-    result = solution.result
+    result = numbers_of(solution)
     lines = [("method", f"{solution.method}, {solution.iterations} iterations, {solution.seconds:.2f} s")]
-    if "objective" not in result:
-        return [*lines, ("reachable", f"bound factor {result['smallest_factor']:.10g} or more")]
+    if result.objective is None or result.precisions is None or result.active is None:
+        return [*lines, ("reachable", f"bound factor {result.smallest_factor:.10g} or more")]
     what = "objective" if len(set(problem.prices)) > 1 or problem.prices[0] != 1 else "precision"
     uses = problem.measurements * len(solution.arrays["precisions"])
-    margin = f"{result['margin']:.3g} (smallest eigenvalue of bound - posterior)"
+    margin = f"{result.margin:.3g} (smallest eigenvalue of bound - posterior)"
     lines += [
-        (what, f"{result['objective']:.10g}"),
-        ("lower bound", f"{result['lower_bound']:.10g}   gap {100 * result['relative_gap']:.3g} %"),
-        ("active", f"{result['active']} of {uses}   at least {result['least_active']} are needed"),
-        ("margin", f"{margin}, {result['relative_margin']:.1e} of the bound"),
-        ("reachable", f"bound factor {_reachable(result['smallest_factor'])}"),
+        (what, f"{result.objective:.10g}"),
+        ("lower bound", f"{result.lower_bound:.10g}   gap {100 * (result.relative_gap or 0.0):.3g} %"),
+        ("active", f"{result.active} of {uses}   at least {result.least_active} are needed"),
+        ("margin", f"{margin}, {result.relative_margin:.1e} of the bound"),
+        ("reachable", f"bound factor {_reachable(result.smallest_factor)}"),
     ]
-    if "batches" in result:
+    if result.batches is not None:
         table = [
-            f"{r['batch']:>3}  objective {r['objective']:.6g}  active {r['active']}  rms error {r['rms_error']:.3g}"
-            f"  {'bound kept' if r['guarantee'] else 'BOUND MISSED'}"
-            for r in result["batches"] if "objective" in r
+            f"{r.batch:>3}  objective {r.objective:.6g}  active {r.active}  rms error {r.rms_error:.3g}"
+            f"  {'bound kept' if r.guarantee else 'BOUND MISSED'}"
+            for r in result.batches if r.objective is not None
         ]  # fmt: skip
         lines.append(("batches", "\n".join(table)))
     else:
-        precisions = np.array(result["precisions"])
-        order = np.argsort(-precisions, kind="stable")[: min(12, result["active"])]
+        precisions = np.array(result.precisions)
+        order = np.argsort(-precisions, kind="stable")[: min(12, result.active)]
         labels = problem.labels()
-        more = "" if result["active"] <= 12 else f"  and {result['active'] - 12} more"
+        more = "" if result.active <= 12 else f"  and {result.active - 12} more"
         lines.append(("precisions", "  ".join(f"{labels[i]} {precisions[i]:.6g}" for i in order) + more))
-    if "pruning" in result:
-        pruning = result["pruning"]
-        rows = [f"{_without(r['removed'])}: {r['objective']:.8g} ({r['price']:+.3g})" for r in pruning["removals"]]
-        if pruning["refused"]:
-            rows.append(f"kept for detectability: {', '.join(pruning['refused'])}")
-        lines.append(("pruning", "\n".join([*rows, f"ended: {pruning['reason']}"])))
+    if result.pruning is not None:
+        pruning = result.pruning
+        rows = [f"{_without(r.removed)}: {r.objective:.8g} ({r.price:+.3g})" for r in pruning.removals]
+        if pruning.refused:
+            rows.append(f"kept for detectability: {', '.join(pruning.refused)}")
+        lines.append(("pruning", "\n".join([*rows, f"ended: {pruning.reason}"])))
     return lines
 
 
@@ -87,20 +85,19 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
         caps = problem.caps[capped]
         lines.append(("caps", f"{len(caps)} of {len(capped)}, {caps.min():g} to {caps.max():g}"))
     if problem.plant is not None:
-        assert problem.measurement is not None and problem.filter is not None
-        plant = problem.plant
+        plant, _, filter_ = problem.dynamics("describe")
         law = (
             "next state x = f(x)"
             if plant.step is None
             else f"dx/dt = f(x), {plant.substeps} Runge-Kutta steps of {plant.step:g}"
         )
         lines.append(("plant", f"{plant.model or 'formulas'}, {law}; {plant.interval:g} time units per step"))
-        options = ", ".join(f"{k} {v}" for k, v in vars(problem.filter).items() if k != "name")
-        lines.append(("filter", f"{problem.filter.name}: {options}"))
+        options = ", ".join(f"{k} {v}" for k, v in vars(filter_).items() if k != "name")
+        lines.append(("filter", f"{filter_.name}: {options}"))
         lines += _detectability(problem)
         if problem.batches > 1:
             lines.append(("batches", f"{problem.batches}, truth from seed {problem.truth_seed}"))
-    split, verdict, _ = examine(problem.program(first_moments(problem)))
+    split, verdict, _ = examine(problem.program(problem.first_moments()))
     lines.append(("inequality", f"{split.rows.shape[1]} rows (rank of the measurement covariance)"))
     if verdict.idle:
         text = "met without any measurement"
@@ -112,36 +109,13 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
 
 
 def _detectability(problem: Problem) -> list[tuple[str, str]]:
-    assert problem.plant is not None and problem.measurement is not None
     if problem.states > MOST_STATES:
         return []
-    transition, rows = linearise_batch(problem.plant, problem.measurement, problem.batch)
+    plant, measurement, _ = problem.dynamics("linearise")
+    transition, rows = linearise_batch(plant, measurement, problem.batch)
     if not (np.all(np.isfinite(transition)) and np.all(np.isfinite(rows))):
         return []
     growing = int(np.sum(np.abs(np.linalg.eigvals(transition)) >= 1 - 1e-9))
     missed = len(undetectable_modes(transition, rows))
     text = f"{growing} of {problem.states} modes of the linearised batch do not decay, "
     return [("detectability", text + ("all of them are measured" if not missed else f"{missed} of them UNMEASURED"))]
-
-
-def first_moments(problem: Problem) -> Moments:
-    """The moments that the first batch will be decided by."""
-    if problem.moments is not None:
-        return problem.moments
-    assert problem.plant is not None and problem.measurement is not None and problem.filter is not None
-    return start_filter(problem.plant, problem.measurement, problem.filter).forecast(problem.batch).moments
-
-
-def infeasible_text(problem: Problem, verdict: Feasibility) -> str:
-    """The smallest bound that can be reached, and which combination of states prevents more."""
-    smallest = problem.factor * verdict.factor
-    limited = " with these caps" if np.any(np.isfinite(problem.caps)) else " with any precision"
-    if problem.bound_factor is not None:
-        text = f"The bound factor {problem.factor:g} cannot be reached{limited}: the smallest is {smallest:.10g}."
-    else:
-        text = f"The bound cannot be reached{limited}: the smallest that can is {smallest:.10g} times it."
-    weight = np.abs(verdict.direction) * np.sqrt(np.diag(problem.bound))  # in units that can be compared
-    order = [i for i in np.argsort(-weight, kind="stable") if weight[i] > 1e-3 * np.max(weight)]
-    terms = [f"{verdict.direction[i]:+.3g} x{i + 1}" for i in order[:4]]
-    more = " and further states" if len(order) > 4 else ""
-    return f"{text} What prevents more is the error of {' '.join(terms)}{more}."

@@ -28,7 +28,7 @@ class UnscentedFilter:
     beta : 2 suits normal errors; beta >= alpha^2 keeps the covariance positive semidefinite
     kappa : second spread, n_a + kappa > 0
 
-    Das & Bhattacharya, sections 3.3 and 3.4, with the covariance put right (see equations.sigma_points).
+    Das & Bhattacharya, sections 3.3 and 3.4, with the covariance put right (see sigma_points.py).
     """
 
     alpha: float = 1.0
@@ -45,6 +45,10 @@ class UnscentedFilter:
         if not np.isfinite(self.kappa):
             found.add(("kappa",), f"kappa is {self.kappa:g}")
         found.raise_if_any()
+
+    def start(self, plant: NonlinearPlant, measurement: NonlinearMeasurement) -> Unscented:
+        """The running filter, which stands at the plant's initial mean and covariance."""
+        return Unscented(plant, measurement, self)
 
 
 class Unscented:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +10,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from occontrol.core.measurement import Estimate
 from occontrol.core.solution import Solution
+from occontrol.core.trajectory import Trajectory
+from occontrol.families.robust.problem import Problem
+from occontrol.families.robust.result import SequenceResult, SharesResult, numbers_of, sequence_of
+from occontrol.families.robust.sampling import Truths, sample_truths
 from occontrol.files.figures import panels, style
 
 SHOWN = 8  # ellipsoids
@@ -19,7 +23,7 @@ TRUTHS = 150  # sampled admissible truths
 MOST_SLOTS = 200  # no truths are sampled beyond
 
 
-def draw(problem: Any, solution: Solution, plane: tuple[int, int] = (0, 1)) -> dict[str, Figure]:
+def draw(problem: Problem, solution: Solution, plane: tuple[int, int] = (0, 1)) -> dict[str, Figure]:
     """The figures of one solution, the most telling first.
 
     Parameters
@@ -28,19 +32,20 @@ def draw(problem: Any, solution: Solution, plane: tuple[int, int] = (0, 1)) -> d
     solution : Solution
     plane : the two states whose plane shows the ellipsoids
     """
+    numbers = numbers_of(solution)
     with style.house_style():
         figures = {}
-        if "fine_times" in solution.arrays:
+        if isinstance(numbers, SequenceResult):
             figures["overview"] = _overview(problem, solution, plane)
             figures["states"] = _states(problem, solution)
-        elif solution.schedule is not None:
-            figures["shares"] = _shares(problem, solution)
-        if "costs" in solution.arrays:
-            figures["sequences"] = _ranking(problem, solution)
+            if numbers.ranking is not None:
+                figures["sequences"] = _ranking(problem, solution.arrays["costs"], numbers.sequence)
+        elif isinstance(numbers, SharesResult):
+            figures["shares"] = _shares(problem, solution, numbers.lower_bound)
         return figures
 
 
-def draw_compare(problem: Any, solutions: Mapping[str, Solution]) -> Figure:
+def draw_compare(problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
     """Size over time and schedule of several methods.
 
     Parameters
@@ -58,7 +63,7 @@ def draw_compare(problem: Any, solutions: Mapping[str, Solution]) -> Figure:
         grid = figure.add_gridspec(len(shown) + 1, 1, height_ratios=[max(2.4, 0.9 * len(shown)), *heights])
         axes = figure.add_subplot(grid[0])
         for k, ((name, solution), colour) in enumerate(zip(shown.items(), style.PALETTE * 3, strict=False)):
-            a, cost = solution.arrays, solution.result["cost"]
+            a, cost = solution.arrays, solution.cost
             # methods that agree stay visible: each later line is thinner
             width = max(1.2, 5.0 - 0.9 * k)
             axes.plot(a["fine_times"], a["fine_size"], color=colour, linewidth=width, label=f"{name}  {cost:.5g}")
@@ -74,7 +79,9 @@ def draw_compare(problem: Any, solutions: Mapping[str, Solution]) -> Figure:
         return figure
 
 
-def draw_estimate(problem: Any, solution: Solution, estimate: Any, truth: Any = None) -> dict[str, Figure]:
+def draw_estimate(
+    problem: Problem, solution: Solution, estimate: Estimate, truth: Trajectory | None = None
+) -> dict[str, Figure]:
     """The set of possible states from a measurement file, state by state, with the truth where it is known.
 
     Parameters
@@ -104,18 +111,17 @@ def draw_estimate(problem: Any, solution: Solution, estimate: Any, truth: Any = 
         return {"estimates": figure}
 
 
-def _size_words(problem: Any) -> str:
+def _size_words(problem: Problem) -> str:
     return f"size: {problem.measure.text}; worst case over all measurements and all admissible uncertainties"
 
 
-def _subtitle(problem: Any, solution: Solution) -> str:
-    r = solution.result
-    gap = max(r["relative_gap"], 0.0)
+def _subtitle(problem: Problem, solution: Solution) -> str:
+    cost, gap = solution.cost, 0.0 if solution.certificate is None else max(solution.certificate.relative_gap, 0.0)
     proven = "proven best" if gap < 1e-9 else f"at most {100 * gap:.2g} % above the best"
-    return f"{solution.method}: {problem.measure.text} at the end {r['cost']:.6g}, {proven}"
+    return f"{solution.method}: {problem.measure.text} at the end {cost:.6g}, {proven}"
 
 
-def _overview(problem: Any, solution: Solution, plane: tuple[int, int]) -> Figure:
+def _overview(problem: Problem, solution: Solution, plane: tuple[int, int]) -> Figure:
     figure = style.new_figure(style.SLIDE, problem.name, _subtitle(problem, solution))
     rows = max(1.0, 0.35 * len(problem.sensors))
     grid = figure.add_gridspec(2, 2, width_ratios=[1.15, 1], height_ratios=[2.6, rows])
@@ -141,18 +147,15 @@ def _overview(problem: Any, solution: Solution, plane: tuple[int, int]) -> Figur
     return figure
 
 
-def _truths(problem: Any, solution: Solution) -> Any:
-    from occontrol.families.robust.family import sequence_of
-    from occontrol.families.robust.sampling import sample_truths
-
+def _truths(problem: Problem, solution: Solution) -> Truths | None:
     if problem.slots > MOST_SLOTS or problem.states > 12:
         return None
     steps = int(np.clip(400 // problem.slots, 4, 40))
-    sequence = sequence_of(problem, solution)
+    sequence = sequence_of(solution)
     return sample_truths(problem.flow, problem.plant, problem.edges, sequence, TRUTHS, 0, steps)
 
 
-def _ellipsoids(figure: Figure, axes: Axes, problem: Any, solution: Solution, plane: tuple[int, int]) -> None:
+def _ellipsoids(figure: Figure, axes: Axes, problem: Problem, solution: Solution, plane: tuple[int, int]) -> None:
     a, (i, j) = solution.arrays, plane
     colours, span = style.colour_map(), Normalize(problem.edges[0], problem.edges[-1])
     truths = _truths(problem, solution)
@@ -178,7 +181,7 @@ def _ellipsoids(figure: Figure, axes: Axes, problem: Any, solution: Solution, pl
     figure.colorbar(ScalarMappable(span, colours), ax=axes, label="time t", fraction=0.04, pad=0.02)
 
 
-def _interval(axes: Axes, problem: Any, solution: Solution) -> None:
+def _interval(axes: Axes, problem: Problem, solution: Solution) -> None:
     a = solution.arrays
     half = np.sqrt(a["fine_level"] * a["fine_shape"][:, 0, 0])
     axes.fill_between(a["fine_times"], -half, half, color=style.ACCENT, alpha=0.2, linewidth=0)
@@ -190,7 +193,7 @@ def _interval(axes: Axes, problem: Any, solution: Solution) -> None:
     style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1])
 
 
-def _states(problem: Any, solution: Solution) -> Figure:
+def _states(problem: Problem, solution: Solution) -> Figure:
     a, n = solution.arrays, min(problem.states, 8)
     title, subtitle = f"{problem.name}: half width of the set along every state", "worst case over all measurements"
     figure = style.new_figure(style.SLIDE, title, subtitle)
@@ -213,8 +216,8 @@ def _states(problem: Any, solution: Solution) -> Figure:
     return figure
 
 
-def _shares(problem: Any, solution: Solution) -> Figure:
-    subtitle = f"relaxation: no sequence on these slots is smaller than {solution.result['lower_bound']:.6g}"
+def _shares(problem: Problem, solution: Solution, lower_bound: float) -> Figure:
+    subtitle = f"relaxation: no sequence on these slots is smaller than {lower_bound:.6g}"
     figure = style.new_figure((13.33, 1.2 + 0.7 * len(problem.sensors) + 1.0), problem.name, subtitle)
     axes = figure.add_subplot()
     panels.schedule_panel(axes, solution.schedule)  # type: ignore[arg-type]
@@ -223,13 +226,12 @@ def _shares(problem: Any, solution: Solution) -> Figure:
     return figure
 
 
-def _ranking(problem: Any, solution: Solution) -> Figure:
-    costs = solution.arrays["costs"]
+def _ranking(problem: Problem, costs: np.ndarray, sequence: Sequence[str]) -> Figure:
     figure = style.new_figure((11.0, 6.0), f"{problem.name}: all {len(costs)} sequences", _size_words(problem))
     axes = figure.add_subplot()
     axes.plot(np.arange(1, len(costs) + 1), costs, color=style.ACCENT, drawstyle="steps-mid")
     axes.plot([1], costs[:1], "o", color=style.SECOND)
-    best = " ".join(solution.result["sequence"][:12]) + (" .." if len(solution.result["sequence"]) > 12 else "")
+    best = " ".join(sequence[:12]) + (" .." if len(sequence) > 12 else "")
     axes.annotate(f"best: {best}", (1.5, costs[0]), xytext=(16, -5), textcoords="offset points", color=style.SECOND)
     axes.set_xlabel("rank")
     axes.set_ylabel("size at the end")

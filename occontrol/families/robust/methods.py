@@ -1,24 +1,35 @@
-"""The methods of the robust family as values: each a frozen dataclass of its own options."""
+"""The methods of the robust family as values: frozen dataclasses of options that check and run themselves."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from occontrol.core.errors import Collector, Mistake
+import numpy as np
 
+from occontrol.core.errors import Mistake
+from occontrol.core.method import check_options
+from occontrol.core.solution import Status
+from occontrol.families.robust.one_sequence import BestSingle as BestSingle
+from occontrol.families.robust.one_sequence import Fixed as Fixed
+from occontrol.families.robust.one_sequence import OneStep as OneStep
+from occontrol.families.robust.one_sequence import Random as Random
+from occontrol.families.robust.one_sequence import RoundRobin as RoundRobin
+from occontrol.families.robust.one_sequence import SwitchingMethod as SwitchingMethod
 
-def _at_least_one(options: object, *keys: str) -> None:
-    found = Collector()
-    for key in keys:
-        if getattr(options, key) < 1:
-            found.add((key,), f"{key} is {getattr(options, key)}, it must be at least 1")
-    found.raise_if_any()
+if TYPE_CHECKING:
+    from occontrol.core.monitor import Monitor
+    from occontrol.core.solution import Solution
+    from occontrol.families.robust.problem import Problem
+    from occontrol.families.robust.slots import Slots
+
+RANKED = 10_000  # sequences of `all` that result.json lists
 
 
 @dataclass(frozen=True)
-class Optimal:
+class Optimal(SwitchingMethod):
     """The best sequence: layered search with proofs.
 
     Parameters
@@ -38,54 +49,53 @@ class Optimal:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        _at_least_one(self, "node_limit", "width", "merge_above")
+        limits = {"node_limit": 1, "width": 1, "merge_above": 1}
+        check_options(self, positive=("time_limit",), at_least={"relative_gap": 0}, whole=limits)
+
+    def run(self, problem: Problem, slots: Slots, monitor: Monitor) -> Solution:
+        """Search from the one-step rule's sequence on."""
+        from occontrol.families.robust.assemble import sequence_solution
+        from occontrol.families.robust.search import SearchOptions, search
+        from occontrol.families.robust.slots import one_step
+
+        greedy = one_step(slots, problem.plant.weight, problem.plant.center, problem.plant.level)
+        options = SearchOptions(self.relative_gap, self.merge_above, self.width, self.node_limit)
+        found = search(slots, [greedy], options, monitor)
+        gap = (found.cost - found.lower_bound) / abs(found.cost)
+        total = f"of {slots.sensors}^{slots.count} sequences, {found.nodes} nodes were looked at"
+        if monitor.interrupted:
+            status, message = Status.INTERRUPTED, f"{Status.INTERRUPTED.text} {total}."
+        elif gap <= max(self.relative_gap, 1e-10):
+            exact = gap <= 1e-10
+            proof = "No sequence is better" if exact else f"No sequence is better by more than {100 * gap:.3g} %"
+            status, message = Status.CERTIFIED, f"{proof}: {total}."
+        else:
+            status = Status.LIMIT
+            message = f"{found.limit or 'the relaxation'} ended the proof at a gap of {100 * gap:.3g} %: {total}."
+        numbers = {
+            "nodes": found.nodes,
+            "widest_layer": found.widest,
+            "merged": found.merged,
+            "dropped": found.dropped,
+            "limit": found.limit,
+            "relaxed_bound": found.relaxed_bound,
+            "one_step_cost": slots.cost(greedy),
+        }
+        return sequence_solution(
+            problem,
+            slots,
+            found.sequence,
+            method=self.name,
+            lower_bound=found.lower_bound,
+            status=status,
+            message=message,
+            monitor=monitor,
+            numbers=numbers,
+        )
 
 
 @dataclass(frozen=True)
-class OneStep:
-    """One step ahead (theorem 4.1): at every switching time the sensor whose set is smallest at the next one."""
-
-    name: ClassVar[str] = "one-step"
-
-
-@dataclass(frozen=True)
-class Fixed:
-    """A given sequence.
-
-    Parameters
-    ----------
-    sequence : sensor names or numbers 1 .. M, one per slot; one name alone stands for all slots
-    """
-
-    name: ClassVar[str] = "fixed"
-    sequence: str | list[str | int] = ()  # type: ignore[assignment]
-
-    def resolve(self, names: Sequence[str], slots: int) -> tuple[list[int], list[Mistake]]:
-        """Sensor indices of every slot, and what is wrong with them (paths within the method)."""
-        given = [self.sequence] * slots if isinstance(self.sequence, str) else list(self.sequence)
-        place: tuple[str | int, ...] = ("sequence",)
-        hint = "names or numbers of sensors, one per slot: " + ", ".join(names)
-        if not given:
-            return [], [Mistake(place, f"a fixed schedule needs a sequence of {slots} sensors", hint)]
-        found, mistakes = [], []
-        for k, entry in enumerate(given):
-            at = place if isinstance(self.sequence, str) else (*place, k)
-            if isinstance(entry, str) and entry in names:
-                found.append(list(names).index(entry))
-            elif isinstance(entry, int) and not isinstance(entry, bool):
-                if not 1 <= entry <= len(names):
-                    mistakes.append(Mistake(at, f"sensor number {entry} does not exist", f"1 .. {len(names)}"))
-                found.append(entry - 1)
-            else:
-                mistakes.append(Mistake(at, f"there is no sensor '{entry}'", "sensors: " + ", ".join(names)))
-        if len(given) != slots:
-            what = f"the sequence has {len(given)} entries, there are {slots} slots"
-            mistakes.append(Mistake(place, what, "one sensor per slot"))
-        return found, mistakes
-
-
-@dataclass(frozen=True)
-class All:
+class All(SwitchingMethod):
     """Every sequence, ranked.
 
     Parameters
@@ -97,11 +107,47 @@ class All:
     limit: int = 300_000
 
     def __post_init__(self) -> None:
-        _at_least_one(self, "limit")
+        check_options(self, whole={"limit": 1})
+
+    def check(self, problem: Problem) -> Sequence[Mistake]:
+        """Whether there are more sequences than the limit."""
+        N, M = problem.slots, len(problem.sensors)
+        if N * np.log(M) <= np.log(self.limit) + 1e-12:
+            return ()
+        what = f"method all would rank {M}^{N} sequences, its limit is {self.limit}"
+        return (Mistake((), what, "use method optimal: it proves the best one without them"),)
+
+    def run(self, problem: Problem, slots: Slots, monitor: Monitor) -> Solution:
+        """Rank them all."""
+        from occontrol.families.robust.assemble import sequence_solution
+
+        N, M = slots.count, slots.sensors
+        sequences = np.array(list(itertools.product(range(M), repeat=N)), dtype=np.int16)
+        costs = slots.costs(sequences)
+        order = np.argsort(costs, kind="stable")
+        sequences, costs = sequences[order], costs[order]
+        names = problem.sensors.names
+        ranking: list[Mapping[str, Any]] = [
+            {"cost": float(c), "sequence": [names[i] for i in s]}
+            for c, s in zip(costs[:RANKED], sequences[:RANKED], strict=True)
+        ]
+        count, worst = len(costs), float(costs[-1])
+        return sequence_solution(
+            problem,
+            slots,
+            sequences[0],
+            method=self.name,
+            lower_bound=float(costs[0]),
+            status=Status.CERTIFIED,
+            message=f"The best of all {count} sequences; the worst has {worst:.8g}.",
+            monitor=monitor,
+            numbers={"sequences": count, "worst_cost": worst, "ranking": ranking, "nodes": count},
+            arrays={"sequences": sequences, "costs": costs},
+        )
 
 
 @dataclass(frozen=True)
-class RelaxedShares:
+class RelaxedShares(SwitchingMethod):
     """The convex relaxation alone: a slot may be shared between sensors. Its bound holds for every sequence.
 
     Parameters
@@ -112,29 +158,21 @@ class RelaxedShares:
     name: ClassVar[str] = "relaxed"
     relative_gap: float = 1e-5
 
+    def __post_init__(self) -> None:
+        check_options(self, at_least={"relative_gap": 0})
 
-@dataclass(frozen=True)
-class BestSingle:
-    """The one sensor that is best when it is used all the time: a baseline."""
+    def run(self, problem: Problem, slots: Slots, monitor: Monitor) -> Solution:
+        """The best shares and their bound."""
+        from occontrol.families.robust.assemble import shares_solution
+        from occontrol.families.robust.bound import relaxed_policy
 
-    name: ClassVar[str] = "best-single"
-
-
-@dataclass(frozen=True)
-class RoundRobin:
-    """One sensor after the other: a baseline."""
-
-    name: ClassVar[str] = "round-robin"
-
-
-@dataclass(frozen=True)
-class Random:
-    """Any sensor in every slot: a baseline.
-
-    Parameters
-    ----------
-    seed : of the generator
-    """
-
-    name: ClassVar[str] = "random"
-    seed: int = 0
+        weights, _, bound = relaxed_policy(slots, self.relative_gap, monitor)
+        return shares_solution(
+            problem,
+            slots,
+            weights,
+            method=self.name,
+            lower_bound=bound,
+            relative_gap=self.relative_gap,
+            monitor=monitor,
+        )

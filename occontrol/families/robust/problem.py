@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from occontrol.core.checks import check_finite
-from occontrol.core.errors import Collector, Mistake
+from occontrol.core.errors import Collector, InfeasibleError, Mistake
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import Signal, TableSignal
 from occontrol.families.robust.ellipsoid_size import SIZES, Size
+from occontrol.families.robust.one_sequence import SwitchingMethod
 from occontrol.families.robust.plant import UncertainPlant
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ class Problem:
     edges : (N+1,) times between which the sensor may not change
     size : "trace", "volume", "longest-axis", or {name: weight} for a sum
     samples : measurements per slot in simulated data and measurement files
-    method : an options object of METHODS, or None for the default
+    method : an options object of one of the family's methods, or None for the default
     expect : the known answer, if any
 
     Raises ProblemError naming every mistake by its place in a problem file.
@@ -66,11 +67,8 @@ class Problem:
         found.mistakes += self._shapes()
         if known:
             found.mistakes += self._values()
-        if self.method is not None and hasattr(self.method, "resolve"):
-            # without a horizon the names can still be looked at
-            slots = self.slots if known else len(self.method.sequence)
-            wrong = self.method.resolve([sensor.name for sensor in self.sensors], slots)[1]
-            found.mistakes += [m.under("method") for m in wrong]
+        if isinstance(self.method, SwitchingMethod):  # any other one is refused when it is asked to solve
+            found.mistakes += [m.under("method") for m in self.method.check(self)]
         found.raise_if_any()
 
     def _check_edges(self, found: Collector) -> bool:
@@ -147,15 +145,10 @@ class Problem:
 
     def require_feasible(self) -> None:
         """Raise InfeasibleError when the plant is not uniformly robustly observable, whatever the sensors."""
-        import time
+        from occontrol.families.robust.observability import uniformly_observable, unobservable
 
-        from occontrol.core.errors import InfeasibleError
-        from occontrol.families.robust.escape import free_weights, smallest
-        from occontrol.families.robust.result import infeasible
-
-        free = free_weights(self.plant_flow, self.edges)
-        if free is None or smallest(self.plant.weight - free[0]) <= 0:
-            raise InfeasibleError(infeasible(self, "check", time.perf_counter(), None).message)
+        if not uniformly_observable(self):
+            raise InfeasibleError(unobservable(self)[1])
 
     @cached_property
     def flow(self) -> Flow:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from occontrol.families.robust.escape import free_weights, smallest
 from occontrol.families.robust.game import center_weight, from_ordinary, ordinary_elements, ordinary_start
 from occontrol.families.robust.prepared_spans import PreparedSpans
 from occontrol.families.robust.scattering import Element, Flow, advance
+
+if TYPE_CHECKING:
+    from occontrol.families.robust.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +123,17 @@ def slot_table(
         size,
         float(level + center @ Y @ center),
     )
+
+
+def table_of(problem: Problem) -> Slots | None:
+    """Every slot of a problem with every sensor; None when the plant is not uniformly robustly observable.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    plant = problem.plant
+    return slot_table(problem.flow, problem.edges, plant.weight, plant.center, plant.level, problem.measure)
 
 
 def one_step(slots: Slots, weight: np.ndarray, center: np.ndarray, level: float) -> list[int]:

@@ -6,9 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.core.solution import Solution, Status
+from occontrol.core.measurement import Estimate
+from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
+from occontrol.families.robust.escape import free_weights, gain_that_fits
+from occontrol.families.robust.observability import observability
 from occontrol.families.robust.problem import Problem
+from occontrol.families.robust.result import SequenceResult, SharesResult, UnobservableResult, numbers_of
 
 
 def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
@@ -19,37 +23,40 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     problem : Problem
     solution : Solution
     """
-    r = solution.result
+    r = numbers_of(solution)
     lines = [("method", f"{solution.method}, {solution.seconds:.2f} s")]
-    reach = r.get("observability_horizon")
-    if solution.status is Status.INFEASIBLE:
+    if isinstance(r, UnobservableResult):
+        reach, time = r.observability_horizon, r.escape_time
         lines.append(("horizon", "unknown" if reach is None else f"observable before t = {reach:.12g}"))
-        lines.append(("K", f"observable when multiplied by less than {r['gain_factor']:.6g}"))
-        if "escape_time" in r:
-            time = r["escape_time"]
+        lines.append(("K", f"observable when multiplied by less than {r.gain_factor:.6g}"))
+        if r.followed:
             lines.append(("schedule", "P lives to the end" if time is None else f"P escapes at t = {time:.12g}"))
-        return lines
-    lines += [
-        (problem.measure.text, f"{r['cost']:.10g}   (level {r['level']:.10g})"),
-        ("lower bound", f"{r['lower_bound']:.10g}   gap {100 * max(r['relative_gap'], 0.0):.3g} %"),
-    ]
-    if "nodes" in r:
-        lines.append(("nodes", f"{r['nodes']} of {len(problem.sensors)}^{problem.slots} sequences"))
-    if "one_step_cost" in r:
-        lines.append(
-            ("one step", f"{r['one_step_cost']:.10g}, {100 * (r['one_step_cost'] / r['cost'] - 1):.3g} % above")
-        )
-    if "worst_cost" in r:
-        lines.append(("worst", f"{r['worst_cost']:.10g}"))
-    if r.get("sequence"):
-        shown = " ".join(r["sequence"][:40]) + (" .." if len(r["sequence"]) > 40 else "")
-        lines.append(("sequence", shown))
-    lines.append(("horizon", _reach(r)))
+    elif isinstance(r, SequenceResult | SharesResult):
+        lines += [
+            (problem.measure.text, f"{r.cost:.10g}   (level {r.level:.10g})"),
+            ("lower bound", f"{r.lower_bound:.10g}   gap {100 * max(r.relative_gap, 0.0):.3g} %"),
+        ]
+        if isinstance(r, SequenceResult):
+            lines += _about_sequence(problem, r)
+        lines.append(("horizon", _reach(r.observability_horizon, r.observability_followed_to)))
     return lines
 
 
-def _reach(r) -> str:
-    reach, followed = r["observability_horizon"], r.get("observability_followed_to")
+def _about_sequence(problem: Problem, r: SequenceResult) -> list[tuple[str, str]]:
+    lines = []
+    if r.nodes is not None:
+        lines.append(("nodes", f"{r.nodes} of {len(problem.sensors)}^{problem.slots} sequences"))
+    if r.one_step_cost is not None:
+        above = 100 * (r.one_step_cost / r.cost - 1)
+        lines.append(("one step", f"{r.one_step_cost:.10g}, {above:.3g} % above"))
+    if r.worst_cost is not None:
+        lines.append(("worst", f"{r.worst_cost:.10g}"))
+    if r.sequence:
+        lines.append(("sequence", " ".join(r.sequence[:40]) + (" .." if len(r.sequence) > 40 else "")))
+    return lines
+
+
+def _reach(reach: float | None, followed: float | None) -> str:
     if reach is not None:
         return f"observable before t = {reach:.10g}"
     return "observable for ever" if followed is None else f"observable up to t = {followed:.6g} at least"
@@ -62,9 +69,6 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     ----------
     problem : Problem
     """
-    from occontrol.families.robust.escape import free_weights, gain_that_fits
-    from occontrol.families.robust.result import observability
-
     n, N, M, plant = problem.states, problem.slots, len(problem.sensors), problem.plant
     lines = [
         ("size", f"{n} states, {M} sensors, {N} slots on [{problem.edges[0]:g}, {problem.edges[-1]:g}]"),
@@ -79,8 +83,8 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     free = free_weights(problem.plant_flow, problem.edges)
     margin = -np.inf if free is None else float(np.linalg.eigvalsh(plant.weight - free[0])[0])
     if margin > 0:
-        reached = {"observability_horizon": reach, "observability_followed_to": followed}
-        lines.append(("observability", f"uniform, smallest eigenvalue of weight - X {margin:.6g}; {_reach(reached)}"))
+        words = f"uniform, smallest eigenvalue of weight - X {margin:.6g}; {_reach(reach, followed)}"
+        lines.append(("observability", words))
     else:
         factor = gain_that_fits(problem.plant_flow, plant.weight, problem.edges)
         lines.append(("observability", f"NOT uniform on this horizon: it ends before t = {reach:.12g}"))
@@ -90,7 +94,7 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     return lines
 
 
-def truth_remark(estimate: Any, truth: Trajectory, source: Any) -> str:
+def truth_remark(estimate: Estimate, truth: Trajectory, source: Any) -> str:
     """Whether the set of possible states held the truth at every time.
 
     Parameters

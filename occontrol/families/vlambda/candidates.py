@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from occontrol.families.vlambda.placement import grid_of
 from occontrol.families.vlambda.sampled_plant import SampledPlant
 from occontrol.families.vlambda.sensor_choice import MOST_SUBSETS, Choice, Epoch, best_of, subsets
 from occontrol.families.vlambda.sequence_search import SequenceProblem, search
+
+if TYPE_CHECKING:
+    from occontrol.families.vlambda.problem import Problem
 
 MOST_NUMBERS = 40_000_000  # entries of all candidates' rows, 320 MB
 
@@ -135,8 +138,8 @@ class CandidateSet:
         )
 
 
-def candidate_set(problem: Any, grid: int) -> CandidateSet:
-    """The candidates of a problem (with sampled, starts, select, criterion), locations on a grid."""
+def candidate_set(problem: Problem, grid: int) -> CandidateSet:
+    """The candidates of a `problem`, locations on a `grid` of so many along each coordinate."""
     kind = TRACE if problem.criterion == "trace" else LARGEST_EIGENVALUE
     return CandidateSet(problem.sampled, problem.starts, problem.select, kind, grid)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from occontrol.core.solution import Solution
+from occontrol.families.vlambda.result import numbers_of
 from occontrol.files.figures import style
 from occontrol.files.figures.panels import curves_panel, map_panel, schedule_panel
 
@@ -69,7 +70,7 @@ def _steps(axes: Axes, problem: Problem, label: bool = True) -> None:
 
 def _overview(problem: Problem, solution: Solution) -> Figure:
     figure = style.new_figure(style.SLIDE, problem.name, f"method {solution.method} · {_subtitle(problem)}")
-    movable = problem.movable and any(e.get("locations") for e in solution.result["schedule"])
+    movable = problem.movable and any(e.locations for e in numbers_of(solution).schedule)
     heights = [max(1.0, min(2.2, 0.2 * len(problem.sensors))), *([1.0] if movable else []), 1.4, 1.4]
     grid = figure.add_gridspec(len(heights), 2, width_ratios=[4.2, 1], height_ratios=heights)
     top = figure.add_subplot(grid[0, 0])
@@ -93,18 +94,19 @@ def _overview(problem: Problem, solution: Solution) -> Figure:
 
 
 def _text(problem: Problem, solution: Solution) -> str:
-    r = solution.result
-    lines = [f"status {solution.status}", "", f"cost {r['cost']:.8g}"]
-    if r.get("lower_bound") is not None:
-        lines += [f"bound {r['lower_bound']:.8g}", f"gap {100 * r['relative_gap']:.3g} %"]
-        if r.get("bound_holds_for"):
+    r = numbers_of(solution)
+    lines = [f"status {solution.status}", "", f"cost {r.cost:.8g}"]
+    if r.lower_bound is not None:
+        lines.append(f"bound {r.lower_bound:.8g}")
+        lines += [] if r.relative_gap is None else [f"gap {100 * r.relative_gap:.3g} %"]
+        if r.bound_holds_for:
             lines.append("(on a grid of locations)")
-    lines += ["", f"sum of traces {r['sum_trace']:.6g}", f"sum of λmax {r['sum_largest_eigenvalue']:.6g}"]
+    lines += ["", f"sum of traces {r.sum_trace:.6g}", f"sum of λmax {r.sum_largest_eigenvalue:.6g}"]
     lines += [
-        f"peak λmax {r['peak_largest_eigenvalue']:.6g}",
+        f"peak λmax {r.peak_largest_eigenvalue:.6g}",
         "",
         style.count_of(problem.epochs, "choice"),
-        f"{r['switches']} switch{'es' * (r['switches'] != 1)}",
+        f"{r.switches} switch{'es' * (r.switches != 1)}",
     ]
     return "\n".join(lines)
 
@@ -112,9 +114,9 @@ def _text(problem: Problem, solution: Solution) -> str:
 def _locations(axes: Axes, problem: Problem, solution: Solution) -> None:
     names = problem.sensors.names
     colours = style.sensor_colours(names)
-    for entry in solution.result["schedule"]:
-        begin, end = problem.starts[entry["epoch"]], problem.starts[entry["epoch"] + 1]
-        for name, place in (entry.get("locations") or {}).items():
+    for entry in numbers_of(solution).schedule:
+        begin, end = problem.starts[entry.epoch], problem.starts[entry.epoch + 1]
+        for name, place in (entry.locations or {}).items():
             for i, x in enumerate(place):
                 dashes = ("-", "--", ":")[min(i, 2)]
                 axes.plot([begin, end], [x, x], color=colours[names.index(name)], linewidth=3, linestyle=dashes)

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_covariance_signal, check_finite
-from occontrol.core.errors import Collector, Mistake
+from occontrol.core.errors import Collector, Mistake, plural
 from occontrol.core.plant import DiscretePlant
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import TableSignal
+from occontrol.families.vlambda.methods import METHODS, Optimal, Rule
 from occontrol.families.vlambda.sampled_plant import SampledPlant, sample_plant
 from occontrol.families.vlambda.sensor import DiscreteSensor
 
@@ -36,7 +37,7 @@ class Problem:
     select : sensors used at a time
     criterion : "largest-eigenvalue" or "trace" of P(k|k), summed over k; what `cost` is
     scales : (n,) size of one unit of each state: eigenvalues and traces are those of P_ij / (s_i s_j)
-    method : an options object of METHODS, or None for the default
+    method : an object of one of METHODS (methods.py), or None for the default
     expect : the known answer, if any
 
     Raises ProblemError naming every mistake by its place in a problem file.
@@ -51,7 +52,7 @@ class Problem:
     select: int = 1
     criterion: str = CRITERIA[0]
     scales: Any = None
-    method: Any = None
+    method: Rule | Optimal | None = None
     expect: Mapping[str, Any] | None = None
     family: str = field(default="vlambda", init=False)
 
@@ -75,7 +76,7 @@ class Problem:
         if len(scales) != n:
             found.add(
                 ("scales",),
-                f"scales has {_entries(len(scales))}, the plant has {n} state{'s' * (n != 1)}",
+                f"scales has {_entries(len(scales))}, the plant has {plural(n, 'state')}",
                 "one entry per state",
             )
         elif not (np.all(np.isfinite(scales)) and np.all(scales > 0)):
@@ -95,10 +96,10 @@ class Problem:
         for j, sensor in enumerate(self.sensors):
             if sensor.H.shape[1] != n:
                 rows, columns = sensor.H.shape
-                what = f"H of sensor '{sensor.name}' is {rows}x{columns}, but the plant has {n} state{'s' * (n != 1)}"
+                what = f"H of sensor '{sensor.name}' is {rows}x{columns}, but the plant has {plural(n, 'state')}"
                 found.append(Mistake(("sensors", j, "H"), what, "a row of H has one entry per state"))
         if isinstance(self.select, bool) or int(self.select) != self.select or not 1 <= self.select <= count:
-            what = f"select is {self.select}, there {'is' if count == 1 else 'are'} {count} sensor{'s' * (count != 1)}"
+            what = f"select is {self.select}, there {'is' if count == 1 else 'are'} {plural(count, 'sensor')}"
             found.append(Mistake(("select",), what, f"1 <= select <= {count}"))
         for path, signal in self.signals.items() if whole else ():
             if isinstance(signal, TableSignal) and not signal.covers(0.0, float(self.steps - 1)):
@@ -108,8 +109,12 @@ class Problem:
         return found
 
     def _method(self) -> list[Mistake]:
-        check = getattr(self.method, "check", None)
-        return [] if check is None else [m.under("method") for m in check(self)]
+        if self.method is None:
+            return []
+        if type(self.method) not in METHODS.values():
+            what = f"{type(self.method).__name__} is not a method of family {self.family}"
+            return [Mistake(("method",), what, "there are: " + ", ".join(METHODS))]
+        return [m.under("method") for m in self.method.check(self)]
 
     def _values(self) -> list[Mistake]:
         """Definiteness and finiteness at every k."""

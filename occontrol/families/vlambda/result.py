@@ -1,73 +1,145 @@
-"""From choices to a Solution: the numbers of result.json and the arrays, and the way back to a chooser."""
+"""What a selection is worth: the dataclass of its numbers, the Solution around it, and the way back to a chooser."""
 
 from __future__ import annotations
 
 import time
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 
-from occontrol.core.monitor import Monitor
-from occontrol.core.result import PlainResult
+from occontrol.core.result import ResultData
 from occontrol.core.schedule import Schedule
-from occontrol.core.solution import Certificate, Solution, Status
+from occontrol.core.solution import Certificate, Solution
+from occontrol.families.vlambda.baselines import SequenceChooser
+from occontrol.families.vlambda.outcome import Outcome, cost_of
 from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.selection import Selection
-from occontrol.families.vlambda.sensor_choice import SequenceChooser
+from occontrol.families.vlambda.sensor_choice import Choice
+
+_OPTIONAL: Any = {"optional": True}
 
 
-def cost_of(problem: Problem, selection: Selection) -> float:
-    """The problem's criterion of P(k|k), summed over k."""
-    return float(np.sum(selection.traces if problem.criterion == "trace" else selection.eigenvalues[:, 0]))
+@dataclass(frozen=True)
+class EpochEntry(ResultData):
+    """One choice, as it stands in the schedule of result.json.
+
+    Parameters
+    ----------
+    epoch, k : number of the epoch and its first step, from 0
+    sensors : names of the chosen sensors, in the problem's order
+    scores : (M,) of every sensor; what they mean is the chooser's, the larger the better
+    location : coordinates of the chosen movable sensors, one after the other; None without such sensors
+    locations : the same by name
+    """
+
+    epoch: int
+    k: int
+    sensors: list[str]
+    scores: list[float]
+    location: list[float] | None = None
+    locations: dict[str, list[float]] | None = field(default=None, metadata=_OPTIONAL)
+
+    @classmethod
+    def of(cls, problem: Problem, epoch: int, choice: Choice) -> EpochEntry:
+        """The entry of the `choice` that was made in an `epoch` of a `problem`."""
+        names = problem.sensors.names
+        # `location` is in the order of `sensors`; `locations` says whose they are
+        moved = [j for j in choice.sensors if j in choice.locations]
+        return cls(
+            epoch=epoch,
+            k=int(problem.starts[epoch]),
+            sensors=[names[j] for j in choice.sensors],
+            scores=[float(x) for x in choice.scores],
+            location=[float(x) for j in moved for x in choice.locations[j]] if choice.locations else None,
+            locations={names[j]: [float(x) for x in p] for j, p in choice.locations.items()} or None,
+        )
 
 
-def finish(
-    problem: Problem,
-    method: str,
-    began: float,
-    watch: Monitor,
-    before: int,
-    selection: Selection,
-    status: Status,
-    message: str,
-    more: dict[str, Any],
+@dataclass(frozen=True)
+class SelectionResult(ResultData):
+    """The numbers of a selection.
+
+    Parameters
+    ----------
+    cost : the problem's criterion of P(k|k), summed over k
+    criterion : its name
+    schedule : one EpochEntry per choice
+    sum_trace, sum_largest_eigenvalue : of P(k|k), over k
+    peak_largest_eigenvalue : over k >= 1
+    standard_deviations : (n,) of x(K-1) given everything, in the user's units
+    switches : how often the choice changes
+    notes : announcements of the filter
+    lower_bound : no sequence of choices costs less; None where nothing is proven
+    nodes : epochs that the search walked
+    log10_sequences : decimal logarithm of the number of sequences
+    candidates : what may be chosen in an epoch
+    bound_holds_for : what the bound is restricted to, such as a grid of locations
+    relative_gap : (cost - lower_bound)/|cost|
+    """
+
+    cost: float
+    criterion: str
+    schedule: list[EpochEntry]
+    sum_trace: float
+    sum_largest_eigenvalue: float
+    peak_largest_eigenvalue: float
+    standard_deviations: list[float]
+    switches: int
+    notes: list[str]
+    lower_bound: float | None = field(default=None, metadata=_OPTIONAL)
+    nodes: int | None = field(default=None, metadata=_OPTIONAL)
+    log10_sequences: float | None = field(default=None, metadata=_OPTIONAL)
+    candidates: int | None = field(default=None, metadata=_OPTIONAL)
+    bound_holds_for: str | None = field(default=None, metadata=_OPTIONAL)
+    relative_gap: float | None = field(default=None, metadata=_OPTIONAL)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The family's part of result.json."""
+        return {**super().as_dict(), "schedule": [entry.as_dict() for entry in self.schedule]}
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """The result that `content`, the family's part of a result.json, describes."""
+        entries = [EpochEntry.from_dict(entry) for entry in content.get("schedule") or ()]
+        return super().from_dict({**content, "schedule": entries})
+
+
+def assemble(
+    problem: Problem, outcome: Outcome, *, method: str, began: float, history: tuple[Mapping[str, float], ...] = ()
 ) -> Solution:
-    """The Solution of a selection.
+    """The Solution of what a method handed over.
 
     Parameters
     ----------
     problem : Problem
+    outcome : Outcome
     method : its name
     began : time.perf_counter() at the start
-    watch : Monitor, and `before`, how long its history was at the start
-    selection : Selection
-    status, message : how it ended
-    more : further entries of result.json, among them lower_bound where one is proven
+    history : records of the monitor
     """
-    names, scales = problem.sensors.names, problem.scales
+    selection, proof, scales = outcome.selection, outcome.proof, problem.scales
     cost, largest = cost_of(problem, selection), selection.eigenvalues[:, 0]
     deviations = np.sqrt(np.einsum("kii->ki", selection.covariance)) * scales
-    weights = np.zeros((problem.epochs, len(names)))
+    weights = np.zeros((problem.epochs, len(problem.sensors)))
     for e, choice in enumerate(selection.choices):
         weights[e, list(choice.sensors)] = 1.0
-    schedule = Schedule(problem.starts.astype(float), weights, tuple(names))
-    # a bound over a grid of locations is no certificate for free ones
-    bounded = "lower_bound" in more and "bound_holds_for" not in more
-    certificate = Certificate(cost, more["lower_bound"]) if bounded else None
-    result: dict[str, Any] = {
-        "cost": cost,
-        "criterion": problem.criterion,
-        "schedule": [_entry(problem, e, c) for e, c in enumerate(selection.choices)],
-        "sum_trace": float(np.sum(selection.traces)),
-        "sum_largest_eigenvalue": float(np.sum(largest)),
-        "peak_largest_eigenvalue": float(np.max(largest[1:] if len(largest) > 1 else largest)),
-        "standard_deviations": deviations[-1].tolist(),
-        "switches": schedule.switches,
-        "notes": list(selection.notes),
-        **more,
-    }
-    if "lower_bound" in more:
-        result["relative_gap"] = Certificate(cost, more["lower_bound"]).relative_gap
+    schedule = Schedule(problem.starts.astype(float), weights, tuple(problem.sensors.names))
+    certificate = None if proof is None else Certificate(cost, proof.lower_bound)
+    numbers = SelectionResult(
+        cost=cost,
+        criterion=problem.criterion,
+        schedule=[EpochEntry.of(problem, e, choice) for e, choice in enumerate(selection.choices)],
+        sum_trace=float(np.sum(selection.traces)),
+        sum_largest_eigenvalue=float(np.sum(largest)),
+        peak_largest_eigenvalue=float(np.max(largest[1:] if len(largest) > 1 else largest)),
+        standard_deviations=deviations[-1].tolist(),
+        switches=schedule.switches,
+        notes=list(selection.notes),
+        relative_gap=None if certificate is None else certificate.relative_gap,
+        **({} if proof is None else vars(proof)),
+    )
     arrays = {
         "times": np.arange(problem.steps, dtype=float),
         "edges": schedule.edges,
@@ -81,11 +153,27 @@ def finish(
         "scores": np.array([c.scores for c in selection.choices]),
         "selected": _selected(selection, problem.select),
     }
-    seconds = time.perf_counter() - began
     return Solution(
-        "vlambda", method, status, message, problem.epochs, seconds, PlainResult(result), arrays, schedule, certificate,
-        tuple(watch.history[before:]),
-    )  # fmt: skip
+        family="vlambda",
+        method=method,
+        status=outcome.status,
+        message=outcome.message,
+        iterations=problem.epochs,
+        seconds=time.perf_counter() - began,
+        arrays=arrays,
+        schedule=schedule,
+        # a bound over a grid of locations is no certificate for free ones
+        certificate=None if proof is None or proof.bound_holds_for else certificate,
+        history=history,
+        problem=problem,
+        numbers=numbers,
+    )
+
+
+def numbers_of(solution: Solution) -> SelectionResult:
+    """The numbers of a Solution of this family, also of one that was read from a run folder."""
+    known = solution.numbers
+    return known if isinstance(known, SelectionResult) else SelectionResult.from_dict(solution.result)
 
 
 def _selected(selection: Selection, select: int) -> np.ndarray:
@@ -94,27 +182,11 @@ def _selected(selection: Selection, select: int) -> np.ndarray:
     return indices[:, 0] if select == 1 else indices
 
 
-def _entry(problem: Problem, epoch: int, choice: Any) -> dict[str, Any]:
-    names = problem.sensors.names
-    entry: dict[str, Any] = {
-        "epoch": epoch,
-        "k": int(problem.starts[epoch]),
-        "sensors": [names[j] for j in choice.sensors],
-        "scores": [float(x) for x in choice.scores],
-        "location": None,
-    }
-    if choice.locations:
-        # in the order of `sensors`; `locations` says whose they are
-        entry["location"] = [float(x) for j in choice.sensors if j in choice.locations for x in choice.locations[j]]
-        entry["locations"] = {names[j]: [float(x) for x in p] for j, p in choice.locations.items()}
-    return entry
-
-
 def recorded(problem: Problem, solution: Solution) -> SequenceChooser:
     """The chooser that repeats a solution's choices, locations included."""
     groups, places = [], []
-    for entry in solution.result["schedule"]:
-        groups.append(tuple(sorted(problem.sensors.index(name) for name in entry["sensors"])))
-        where = entry.get("locations") or {}
+    for entry in numbers_of(solution).schedule:
+        groups.append(tuple(sorted(problem.sensors.index(name) for name in entry.sensors)))
+        where = entry.locations or {}
         places.append({problem.sensors.index(name): np.array(p, dtype=float) for name, p in where.items()})
     return SequenceChooser(tuple(groups), tuple(places))

@@ -9,6 +9,7 @@ from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
 from occontrol.core.errors import Path
 from occontrol.core.plant import DiscretePlant
+from occontrol.families.vlambda.methods import METHODS
 from occontrol.families.vlambda.problem import CRITERIA, Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor, LocatedMatrix, Region
 from occontrol.files.schema.common import (
@@ -88,8 +89,6 @@ class Document(Strict):
 
 def build(document: Document, context: Context) -> Problem:
     """The problem that the document describes; ProblemError with every mistake."""
-    from occontrol.families.vlambda.family import METHODS
-
     found, criterion = context.found, document.criterion
     name = context.title(document.name)
     method = context.method(document.method, METHODS)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.families.vlambda.baselines import HoldChooser
 from occontrol.families.vlambda.online import OnlineSelector
 from occontrol.families.vlambda.sampled_plant import SampledPlant
-from occontrol.families.vlambda.sensor_choice import Choice, Chooser, HoldChooser
+from occontrol.families.vlambda.sensor_choice import Choice, Chooser
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.errors import Collector, Mistake, ProblemError, plural
 from occontrol.core.expression import parse_expression
 from occontrol.core.signal import as_signal
 
@@ -184,7 +184,7 @@ class DiscreteSensor:
             raise ProblemError(Mistake(("H",), f"H of sensor '{self.name}' has no entries"))
         if self.R.shape != (m, m):
             rows, columns = self.R.shape
-            what = f"R of sensor '{self.name}' is {rows}x{columns}, its H has {m} row{'s' * (m != 1)}"
+            what = f"R of sensor '{self.name}' is {rows}x{columns}, its H has {plural(m, 'row')}"
             raise ProblemError(Mistake(("R",), what, f"it must be {m}x{m}"))
 
     def _matrix(self, value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Choosers: which sensors to use in the epoch that begins now. Chooser, criterion and estimator are apart.
+"""The rules: which sensors to use in the epoch that begins now. Chooser, criterion and estimator are apart.
 
 A chooser sees the plant, the epoch and the eigenfactors of P(k|k-1), whoever computed them, and returns a Choice.
 Larger scores win; scores within 1e-10 of the best count as a tie, which goes to the lowest index.
@@ -142,7 +142,8 @@ def placed(
     return locations, rows
 
 
-def _choice(sensors: tuple[int, ...], scores: np.ndarray, locations: Mapping[int, np.ndarray]) -> Choice:
+def choice_of(sensors: tuple[int, ...], scores: np.ndarray, locations: Mapping[int, np.ndarray]) -> Choice:
+    """The Choice of `sensors`, with `scores` (M,) of all and the `locations` of those of them that can move."""
     return Choice(sensors, scores, {j: locations[j] for j in sensors if j in locations})
 
 
@@ -163,7 +164,7 @@ class EigenspaceChooser:
         epoch : Epoch
         """
         scores, locations = self.scores(epoch)
-        return _choice(best_of(scores, epoch.select), scores, locations)
+        return choice_of(best_of(scores, epoch.select), scores, locations)
 
     def scores(self, epoch: Epoch) -> tuple[np.ndarray, dict[int, np.ndarray]]:
         """rho of every sensor (M,), movable ones at their best location, and those locations."""
@@ -191,7 +192,7 @@ class TraceChooser:
         locations, rows = placed(epoch, lambda c: trace_removed(factors, c))
         scores = np.array([float(trace_removed(factors, rows[j])) for j in range(count)])
         if epoch.select == 1:
-            return _choice(best_of(scores, 1), scores, locations)
+            return choice_of(best_of(scores, 1), scores, locations)
 
         def together(group: tuple[int, ...]) -> float:
             return float(trace_removed(factors, np.concatenate([rows[j] for j in group])))
@@ -199,97 +200,12 @@ class TraceChooser:
         groups = subsets(count, epoch.select)
         if groups is not None:
             index = best_of(np.array([together(g) for g in groups]), 1)[0]
-            return _choice(groups[index], scores, locations)
+            return choice_of(groups[index], scores, locations)
         chosen: tuple[int, ...] = ()
         for _ in range(epoch.select):
             options = [j for j in range(count) if j not in chosen]
             chosen += (options[best_of(np.array([together((*chosen, j)) for j in options]), 1)[0]],)
-        return _choice(tuple(sorted(chosen)), scores, locations)
-
-
-@dataclass(frozen=True)
-class FixedChooser:
-    """The same sensors in every epoch; scores are rho_j, movable sensors are placed by the paper's rule."""
-
-    sensors: tuple[int, ...]
-
-    def choose(self, epoch: Epoch) -> Choice:
-        """Choose `sensors`.
-
-        Parameters
-        ----------
-        epoch : Epoch
-        """
-        return _choice(tuple(sorted(self.sensors)), *EigenspaceChooser().scores(epoch))
-
-
-@dataclass(frozen=True)
-class HoldChooser:
-    """The same answer for every epoch: what a stopped run goes on with."""
-
-    answer: Choice
-
-    def choose(self, epoch: Epoch) -> Choice:
-        """Repeat the answer.
-
-        Parameters
-        ----------
-        epoch : Epoch
-        """
-        return self.answer
-
-
-@dataclass(frozen=True)
-class SequenceChooser:
-    """A given group of sensors in each epoch, at given locations if any; scores are rho_j."""
-
-    groups: tuple[tuple[int, ...], ...]
-    locations: tuple[Mapping[int, np.ndarray], ...] = ()
-
-    def choose(self, epoch: Epoch) -> Choice:
-        """Choose `groups[epoch.index]`.
-
-        Parameters
-        ----------
-        epoch : Epoch
-        """
-        scores, locations = EigenspaceChooser().scores(epoch)
-        given = {**locations, **(self.locations[epoch.index] if self.locations else {})}
-        return _choice(tuple(sorted(self.groups[epoch.index])), scores, given)
-
-
-@dataclass(frozen=True)
-class RoundRobinChooser:
-    """Every sensor in turn; scores are rho_j."""
-
-    def choose(self, epoch: Epoch) -> Choice:
-        """Choose the next `epoch.select` sensors.
-
-        Parameters
-        ----------
-        epoch : Epoch
-        """
-        count = len(epoch.plant.sensors)
-        group = tuple(sorted((epoch.index * epoch.select + i) % count for i in range(epoch.select)))
-        return _choice(group, *EigenspaceChooser().scores(epoch))
-
-
-@dataclass(frozen=True)
-class RandomChooser:
-    """Any sensors with equal probability, reproducible for each seed; scores are rho_j."""
-
-    seed: int = 0
-
-    def choose(self, epoch: Epoch) -> Choice:
-        """Draw `epoch.select` different sensors.
-
-        Parameters
-        ----------
-        epoch : Epoch
-        """
-        generator = np.random.default_rng([self.seed, epoch.index])
-        drawn = generator.choice(len(epoch.plant.sensors), epoch.select, replace=False)
-        return _choice(tuple(sorted(int(j) for j in drawn)), *EigenspaceChooser().scores(epoch))
+        return choice_of(tuple(sorted(chosen)), scores, locations)
 
 
 def subsets(count: int, select: int, most: int = MOST_SUBSETS) -> list[tuple[int, ...]] | None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from itertools import groupby
 from math import comb, log10
-from typing import Any
 
 import numpy as np
 
+from occontrol.core.errors import plural
 from occontrol.core.solution import Solution
 from occontrol.families.vlambda.problem import Problem
+from occontrol.families.vlambda.result import EpochEntry, numbers_of
 from occontrol.families.vlambda.sensor import Region
 
 MOST_ENTRIES = 40
@@ -21,16 +22,16 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     groups = comb(M, problem.select)
     every = "step" if problem.epoch == 1 else f"{problem.epoch} steps"
     lines = [
-        ("states", f"{n}, driven by {_count(problem.plant.Q.shape[0], 'noise')}"),
-        ("horizon", f"k = 0 .. {problem.steps - 1}, a choice every {every}: {_count(problem.epochs, 'choice')}"),
+        ("states", f"{n}, driven by {plural(problem.plant.Q.shape[0], 'noise')}"),
+        ("horizon", f"k = 0 .. {problem.steps - 1}, a choice every {every}: {plural(problem.epochs, 'choice')}"),
         ("sensors", f"{M}, {problem.select} at a time"),
     ]
     for sensor in problem.sensors:
-        rows = f"{sensor.rows} value{'s' * (sensor.rows != 1)}"
+        rows = plural(sensor.rows, "value")
         if sensor.location is not None:
             box = " x ".join(f"[{low:g}, {high:g}]" for low, high in sensor.location.bounds)
             limits = (
-                f", {_count(len(sensor.location.constraints), 'constraint')}" if sensor.location.constraints else ""
+                f", {plural(len(sensor.location.constraints), 'constraint')}" if sensor.location.constraints else ""
             )
             rows += f", movable in {box}{limits}"
         lines.append((f"  {sensor.name}", rows))
@@ -42,10 +43,6 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     lines.append(("sequences", f"{groups}^{problem.epochs} = 1e{exponent:.1f} (optimal cuts most of them)"))
     lines.append(("work", f"{problem.steps} filter steps of order {n}; about {_seconds(problem):.2g} s for a rule"))
     return lines
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def _seconds(problem: Problem) -> float:
@@ -78,7 +75,7 @@ def _observability(problem: Problem) -> str:
         product = plant.transition[k] @ product
         product /= max(float(np.linalg.norm(product)), 1e-300)
     rank = int(np.linalg.matrix_rank(np.concatenate(blocks), tol=1e-10)) if blocks else 0
-    within = _count(min(n, plant.steps), "step")
+    within = plural(min(n, plant.steps), "step")
     if rank == n:
         return f"all {n} states within {within} when every sensor measures"
     return f"only {rank} of {n} directions within {within}, even when every sensor measures"
@@ -86,33 +83,27 @@ def _observability(problem: Problem) -> str:
 
 def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     """Label and text of what `solve` prints."""
-    r = solution.result
+    r = numbers_of(solution)
     lines = [
-        ("method", f"{solution.method}, {_count(problem.epochs, 'choice')} over k = 0 .. {problem.steps - 1}"),
-        ("selected", _runs(r["schedule"])),
-        ("cost", f"{r['cost']:.10g}  (sum over k of {_word(problem.criterion)} of P(k|k))"),
+        ("method", f"{solution.method}, {plural(problem.epochs, 'choice')} over k = 0 .. {problem.steps - 1}"),
+        ("selected", _runs(r.schedule)),
+        ("cost", f"{r.cost:.10g}  (sum over k of {_word(problem.criterion)} of P(k|k))"),
     ]
-    if r.get("lower_bound") is not None:
-        lines.append(
-            (
-                "lower bound",
-                f"{r['lower_bound']:.10g}, gap {100 * r['relative_gap']:.3g} %"
-                if "relative_gap" in r
-                else f"{r['lower_bound']:.10g}",
-            )
-        )
-    if r.get("nodes") is not None:
-        text = f"{r['nodes']} epochs walked"
-        if r.get("log10_sequences") is not None:
-            text += f", 1e{r['log10_sequences']:.1f} sequences"
+    if r.lower_bound is not None:
+        gap = "" if r.relative_gap is None else f", gap {100 * r.relative_gap:.3g} %"
+        lines.append(("lower bound", f"{r.lower_bound:.10g}{gap}"))
+    if r.nodes is not None:
+        text = f"{r.nodes} epochs walked"
+        if r.log10_sequences is not None:
+            text += f", 1e{r.log10_sequences:.1f} sequences"
         lines.append(("search", text))
     lines += [
-        ("sum of traces", f"{r['sum_trace']:.10g}"),
-        ("sum of largest eigenvalues", f"{r['sum_largest_eigenvalue']:.10g}"),
-        ("peak largest eigenvalue", f"{r['peak_largest_eigenvalue']:.10g}  (k >= 1)"),
-        ("standard deviations at the end", ", ".join(f"{s:.6g}" for s in r["standard_deviations"][:12])),
+        ("sum of traces", f"{r.sum_trace:.10g}"),
+        ("sum of largest eigenvalues", f"{r.sum_largest_eigenvalue:.10g}"),
+        ("peak largest eigenvalue", f"{r.peak_largest_eigenvalue:.10g}  (k >= 1)"),
+        ("standard deviations at the end", ", ".join(f"{s:.6g}" for s in r.standard_deviations[:12])),
     ]
-    lines += [("note", text) for text in r.get("notes", ())]
+    lines += [("note", text) for text in r.notes or ()]
     lines.append(("seconds", f"{solution.seconds:.3g}"))
     return lines
 
@@ -121,14 +112,14 @@ def _word(criterion: str) -> str:
     return "the trace" if criterion == "trace" else "the largest eigenvalue"
 
 
-def _runs(schedule: list[dict[str, Any]]) -> str:
+def _runs(schedule: list[EpochEntry]) -> str:
     """Who is used, neighbours joined: 'three, two x3, one'; locations beside movable ones."""
 
-    def word(entry: dict[str, Any]) -> str:
-        where = entry.get("locations") or {}
+    def word(entry: EpochEntry) -> str:
+        where = entry.locations or {}
         return "+".join(
             name + (f" at ({', '.join(f'{x:.4g}' for x in where[name])})" if name in where else "")
-            for name in entry["sensors"]
+            for name in entry.sensors
         )
 
     parts = []

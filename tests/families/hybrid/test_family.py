@@ -8,12 +8,11 @@ import pickle
 import numpy as np
 import pytest
 
-from occontrol.api import choose_method
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.measurement import Measurement
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
-from occontrol.families.hybrid import family as hybrid
+from occontrol.families.hybrid.family import FAMILY as hybrid
 from occontrol.families.hybrid.methods import Alternate, ExpectedCovariance, Fixed, Random, Scheduled
 from occontrol.families.hybrid.plant import JumpPlant, Mode
 from occontrol.families.hybrid.problem import Problem
@@ -193,8 +192,8 @@ def test_a_sensor_that_reports_twice_at_a_step():
 
 def test_choosing_a_method_by_name():
     problem = make(method=Scheduled(time_limit=9.0))
-    assert choose_method(problem, "alternate") == Alternate(time_limit=9.0)
-    assert choose_method(problem, "fixed") == Fixed(time_limit=9.0)
+    assert hybrid.choose(problem, "alternate") == Alternate(time_limit=9.0)
+    assert hybrid.choose(problem, "fixed") == Fixed(time_limit=9.0)
 
 
 @pytest.mark.parametrize(
@@ -263,8 +262,8 @@ def test_fixed_groups_are_methods_of_their_own():
     problem = make()
     names = hybrid.compare_names(problem)
     assert names == ["scheduled", "expected-covariance", "alternate", "random", "fixed:near", "fixed:far"]
-    assert choose_method(problem, "fixed:far") == Fixed("far")
+    assert hybrid.choose(problem, "fixed:far") == Fixed("far")
     with pytest.raises(UsageError, match="method fixed:fra: there is no sensor or group 'fra'"):
-        choose_method(problem, "fixed:fra")
+        hybrid.choose(problem, "fixed:fra")
     many = make(sensors=[JumpSensor(str(j), [[1, 0]], [[0.5]]) for j in range(9)])
     assert hybrid.compare_names(many)[-1] == "fixed"

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from occontrol.api import compare_figure, document, figures_of, read_problem, read_run, write_run
 from occontrol.core.errors import ProblemError
-from occontrol.families.hybrid import family as hybrid
+from occontrol.families.hybrid.family import FAMILY as hybrid
+from occontrol.families.hybrid.methods import Scheduled
+from occontrol.files.figures import compare_figure, figures_of
 from occontrol.files.plain_json import to_json
+from occontrol.files.problem_file import document, read_problem
+from occontrol.files.run_folder import read_run, write_run
 
 ROOT = Path(__file__).resolve().parents[3]
 NAMES = ("turning_target", "guarded_thermostat", "four_radars")
@@ -55,7 +58,7 @@ def plain_first_scores(problem) -> list[float]:
 def test_expected_values_by_two_routes(name):
     problem = read_problem(ROOT / "problems" / f"{name}.yaml")
     expect = problem.expect
-    found = list(hybrid.solve(problem, hybrid.Scheduled()).result["first_scores"].values())
+    found = list(hybrid.solve(problem, Scheduled()).result["first_scores"].values())
     assert found == pytest.approx(expect["first_scores"], abs=expect["tolerance"])
     assert plain_first_scores(problem) == pytest.approx(expect["first_scores"], abs=expect["tolerance"])
 
@@ -67,14 +70,14 @@ def test_documents_read_back_identically(name, tmp_path):
     (tmp_path / "problem.json").write_text(text, encoding="utf-8")
     again = read_problem(tmp_path / "problem.json")
     assert to_json(document(again)) == text
-    one, two = (hybrid.solve(p, hybrid.Scheduled()).result for p in (problem, again))
+    one, two = (hybrid.solve(p, Scheduled()).result for p in (problem, again))
     assert one == two
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_method_on_every_problem_with_figures(name, tmp_path):
     problem = read_problem(ROOT / "problems" / f"{name}.yaml")
-    solutions = {method: hybrid.solve(problem, kind()) for method, kind in hybrid.METHODS.items()}
+    solutions = {method: hybrid.solve(problem, kind()) for method, kind in hybrid.methods.items()}
     assert list(figures_of(problem, solutions["scheduled"])) == ["overview", "trajectory", "rms", "modes", "sensors"]
     assert compare_figure(problem, solutions) is not None
     write_run(tmp_path / "run", problem, solutions["fixed"])
@@ -87,7 +90,7 @@ def test_every_method_on_every_problem_with_figures(name, tmp_path):
 
 def test_the_template_solves_as_it_stands():
     problem = read_problem(ROOT / "occontrol" / "families" / "hybrid" / "template.yaml")
-    found = {name: hybrid.solve(problem, kind()).result for name, kind in hybrid.METHODS.items()}
+    found = {name: hybrid.solve(problem, kind()).result for name, kind in hybrid.methods.items()}
     assert found["scheduled"]["mode_errors"] < found["alternate"]["mode_errors"]
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
+from occontrol.families.hybrid.chooser import Chooser
 from occontrol.families.hybrid.guard import Guard, Threshold
 from occontrol.families.hybrid.imm import filter_measurements
-from occontrol.families.hybrid.monte_carlo import Chooser, Experiment, run_some
+from occontrol.families.hybrid.monte_carlo import Experiment, run_some
 from occontrol.families.hybrid.plant import JumpPlant, Mode
 from occontrol.families.hybrid.sensor import JumpSensor
 from occontrol.families.hybrid.truth import Truth

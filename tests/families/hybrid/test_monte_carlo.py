@@ -11,7 +11,8 @@ from scipy.stats import chi2
 
 from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
-from occontrol.families.hybrid.monte_carlo import Chooser, Experiment, monte_carlo, nees, run_some
+from occontrol.families.hybrid.chooser import Chooser
+from occontrol.families.hybrid.monte_carlo import Experiment, monte_carlo, nees, run_some
 from occontrol.families.hybrid.plant import JumpPlant, Mode
 from occontrol.families.hybrid.sensor import JumpSensor
 from occontrol.families.hybrid.statistics import average_with_error, rms, summarise_runs

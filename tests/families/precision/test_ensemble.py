@@ -8,7 +8,7 @@ from occontrol.families.precision.ensemble import Ensemble, EnsembleFilter
 from occontrol.families.precision.forecast import draw, split_seed
 from occontrol.families.precision.measurement import NonlinearMeasurement
 from occontrol.families.precision.plant import NonlinearPlant
-from occontrol.families.precision.program import PrecisionProgram, relative_margin, solve_program
+from occontrol.families.precision.program import Program, relative_margin, solve_program
 from tests.families.precision.linear_judge import kalman, linear, run
 
 
@@ -47,7 +47,7 @@ def test_perturbed_observations_break_a_bound_that_the_square_root_keeps():
         for update in ("square-root", "perturbed"):
             filter_ = Ensemble(plant, measurement, EnsembleFilter(members=20, update=update, seed=seed))
             forecast = filter_.forecast(1)
-            found = solve_program(PrecisionProgram(forecast.moments, 0.5 * forecast.moments.state))
+            found = solve_program(Program(forecast.moments, 0.5 * forecast.moments.state))
             filter_.update(forecast, found.precisions, np.zeros(4))
             margin = relative_margin(filter_.covariance, 0.5 * forecast.moments.state)
             if update == "square-root":

@@ -6,37 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from occontrol.api import document, read_problem
-from occontrol.core.errors import ProblemError, UsageError
+from occontrol.core.errors import ProblemError
 from occontrol.core.solution import Status
-from occontrol.families.precision import family as precision
+from occontrol.families.precision.family import FAMILY as precision
+from occontrol.files.problem_file import document, read_problem
+from tests.families.precision.files import BASE, MOMENTS, load
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 FILES = ["moments_small", "lorenz96_enkf", "lorenz96_enkf_batch3", "lorenz96_ukf", "space_object"]
-
-BASE = """\
-family: precision
-plant: {f: ["x2", "-sin(x1)"], step: 0.1, substeps: 2}
-measurement: {h: ["x1", "x1 + x2"], names: [a, b]}
-initial: {mean: [0.5, 0], covariance: {diag: [0.3, 0.2]}}
-noise: {diag: [0, 0.01]}
-filter: {name: ukf}
-batch: 2
-bound: {factor: 0.5}
-caps: 50
-"""
-MOMENTS = """\
-family: precision
-moments: {state: [[2.0]], cross: [[0.8]], measurement: [[0.5]]}
-bound: {matrix: [[1.2]]}
-"""
-
-
-def load(tmp_path, text):
-    path = tmp_path / "p.yaml"
-    path.write_text(text, encoding="utf-8")
-    return read_problem(path)
-
 
 @pytest.fixture
 def run(capsys):
@@ -198,26 +175,6 @@ def test_solve_simulate_filter_and_compare(run, tmp_path):
     assert rows["uniform"]["cost"] > rows["barrier"]["cost"]
 
 
-def test_filtering_what_the_plan_does_not_hold(tmp_path):
-    problem = load(tmp_path, BASE)
-    solution = precision.solve(problem)
-    measurements, _ = precision.simulate(problem, solution, 1)
-    estimate = precision.run_filter(problem, solution, measurements[1:])
-    assert "missing" in estimate.notes[0]
-    from occontrol.core.measurement import Measurement
-
-    with pytest.raises(ProblemError, match="not one of the 2 steps"):
-        precision.run_filter(problem, solution, [Measurement(0.33, "a", np.zeros(1))])
-    with pytest.raises(ProblemError, match="no sensor 'c'"):
-        precision.run_filter(problem, solution, [Measurement(0.2, "c", np.zeros(1))])
-
-
-def test_plain_moments_have_nothing_to_simulate(tmp_path):
-    problem = load(tmp_path, MOMENTS)
-    with pytest.raises(UsageError, match="no plant to simulate"):
-        precision.simulate(problem, precision.solve(problem), 0)
-
-
 @pytest.mark.parametrize("extra", ["prune: true", "prune: {sensors: 2}", "prune: {exact: true}", "prune: {by: sensor}"])
 def test_pruning_from_a_file(tmp_path, extra):
     problem = load(tmp_path, BASE.replace("batch: 2", "batch: 2\n" + extra))
@@ -282,24 +239,20 @@ def test_an_interrupt_keeps_the_batches_so_far(tmp_path):
 
 @pytest.mark.parametrize("extra", ["", "batches: 3\n", "prune: true\n", "prices: [1, 2]\n"])
 def test_every_picture_is_drawn(tmp_path, extra):
-    from occontrol.api import compare_figure, figures_of
-
     problem = load(tmp_path, BASE + extra)
     solution = precision.solve(problem)
-    figures = figures_of(problem, solution)
+    figures = precision.figures(problem, solution)
     wanted = {"batches: 3\n": {"overview", "sequence"}, "prune: true\n": {"overview", "pruning"}}.get(
         extra, {"overview"}
     )
     assert wanted >= set(figures) >= {"overview"}
     for figure in figures.values():
         figure.canvas.draw()
-    assert compare_figure(problem, {"barrier": solution}) is not None
+    assert precision.compare_figure(problem, {"barrier": solution}) is not None
 
 
 def test_pictures_of_what_cannot_be_met(tmp_path):
-    from occontrol.api import compare_figure, figures_of
-
     problem = load(tmp_path, BASE.replace("caps: 50", "caps: 0.1"))
     solution = precision.solve(problem)
-    assert figures_of(problem, solution) == {}
-    assert compare_figure(problem, {"barrier": solution}) is not None
+    assert precision.figures(problem, solution) == {}
+    assert precision.compare_figure(problem, {"barrier": solution}) is not None

@@ -10,8 +10,8 @@ from occontrol.core.errors import ProblemError
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
 from occontrol.families.precision.moments import Moments, posterior_covariance
-from occontrol.families.precision.program import ROUTES, PrecisionProgram, examine, relative_margin, solve_program
-from tests.families.precision.precision_judge import anomalies_of, least_precision, place_bound, random_case
+from occontrol.families.precision.program import ROUTES, Program, examine, relative_margin, solve_program
+from tests.families.precision.judge import anomalies_of, least_precision, place_bound, random_case
 
 P3 = np.array([[2, 0.5, 0.2], [0.5, 1.5, 0.3], [0.2, 0.3, 1.0]])
 H = np.vstack([np.eye(3), np.ones((1, 3))])
@@ -21,7 +21,7 @@ BLIND = Moments(np.eye(2), np.array([[0.8], [0.0]]), np.array([[0.7]]))
 
 
 def test_known_answer_of_three_states_and_their_sum():
-    found = solve_program(PrecisionProgram(SMALL, 0.6 * P3))
+    found = solve_program(Program(SMALL, 0.6 * P3))
     assert found.status is Status.CERTIFIED and found.route == "barrier"
     assert abs(found.objective - 2.3167099566) < 1e-9
     assert np.allclose(found.precisions, [0.43082644, 0.92995946, 0.89764072, 0.05828334], rtol=0, atol=1e-8)
@@ -32,14 +32,14 @@ def test_known_answer_of_three_states_and_their_sum():
 @pytest.mark.parametrize("bound", [1.9, 1.2, 0.9, 0.75])
 def test_scalar_formula(route, bound):
     exact = 1 / (0.8**2 / (2 - bound) - 0.5)
-    found = solve_program(PrecisionProgram(SCALAR, np.array([[bound]])), route)
+    found = solve_program(Program(SCALAR, np.array([[bound]])), route)
     assert abs(found.objective - exact) < 1e-8 * exact
-    assert abs(solve_program(PrecisionProgram(SCALAR, np.array([[1.2]]))).objective - 10 / 3) < 1e-9
+    assert abs(solve_program(Program(SCALAR, np.array([[1.2]]))).objective - 10 / 3) < 1e-9
 
 
 def test_scalar_is_infeasible_below_its_limit():
     for bound in (0.72 * (1 - 1e-9), 0.7, 0.1):
-        found = solve_program(PrecisionProgram(SCALAR, np.array([[bound]])))
+        found = solve_program(Program(SCALAR, np.array([[bound]])))
         assert found.status is Status.INFEASIBLE and found.precisions is None
         assert abs(found.feasibility.factor * bound - 0.72) < 1e-12
         assert "smallest reachable bound" in found.message
@@ -47,10 +47,10 @@ def test_scalar_is_infeasible_below_its_limit():
 
 @pytest.mark.parametrize("route", ROUTES)
 def test_a_direction_without_sensors_that_meets_the_bound_exactly(route):
-    found = solve_program(PrecisionProgram(BLIND, np.diag([0.6, 1.0])), route)
+    found = solve_program(Program(BLIND, np.diag([0.6, 1.0])), route)
     assert found.status is Status.CERTIFIED
     assert abs(found.objective - 1 / (0.64 / 0.4 - 0.7)) < 1e-8
-    below = solve_program(PrecisionProgram(BLIND, np.diag([0.6, 1 - 1e-9])), route)
+    below = solve_program(Program(BLIND, np.diag([0.6, 1 - 1e-9])), route)
     assert below.status is Status.INFEASIBLE and abs(below.feasibility.direction[0]) < 1e-6
 
 
@@ -61,7 +61,7 @@ def test_no_measurement_is_needed_exactly_when_the_prior_meets_the_bound():
         moments, _, bound, prices, caps = random_case(rng)
         bound = bound * 10 ** rng.uniform(-0.5, 2.0)
         met = relative_margin(moments.state, bound) >= 0
-        found = solve_program(PrecisionProgram(moments, bound, prices, caps))
+        found = solve_program(Program(moments, bound, prices, caps))
         if found.status is Status.INFEASIBLE:
             assert not met
             continue
@@ -77,7 +77,7 @@ def test_three_routes_agree_on_singular_moments_with_spread_units(seed):
     compared = judged = 0
     for _ in range(25):
         moments, anomalies, bound, prices, caps = random_case(rng)
-        program = place_bound(PrecisionProgram(moments, bound, prices, caps), 1.01 + rng.exponential(0.3))
+        program = place_bound(Program(moments, bound, prices, caps), 1.01 + rng.exponential(0.3))
         ours = solve_program(program)
         assert ours.status is Status.CERTIFIED, ours.message
         if ours.objective == 0:
@@ -103,7 +103,7 @@ def test_the_right_verdict_close_to_the_smallest_reachable_bound():
     tried = 0
     while tried < 60:
         moments, _, bound, prices, caps = random_case(rng)
-        program = PrecisionProgram(moments, bound, prices, caps)
+        program = Program(moments, bound, prices, caps)
         _, verdict, _ = examine(program)
         if verdict.idle or verdict.factor < 1e-2 * (1 - relative_margin(moments.state, bound)):
             continue
@@ -121,7 +121,7 @@ def test_a_tighter_bound_never_costs_less():
     rng = np.random.default_rng(4)
     for _ in range(200):
         moments, _, bound, prices, caps = random_case(rng)
-        program = place_bound(PrecisionProgram(moments, bound, prices, caps), 1.02)
+        program = place_bound(Program(moments, bound, prices, caps), 1.02)
         looser = replace(program, bound=program.bound * (1 + rng.exponential(0.2)))
         a = rng.standard_normal((moments.states, 1)) * np.sqrt(np.diag(program.bound))[:, None]
         wider = replace(program, bound=program.bound + 0.3 * a @ a.T)
@@ -136,7 +136,7 @@ def test_the_bound_is_below_every_feasible_choice():
     tried = 0
     for _ in range(40):
         moments, _, bound, prices, caps = random_case(rng)
-        program = place_bound(PrecisionProgram(moments, bound, prices, caps), 1.3)
+        program = place_bound(Program(moments, bound, prices, caps), 1.3)
         found = solve_program(program)
         for _ in range(20):
             other = np.minimum(found.precisions * rng.lognormal(0.05, 0.3, moments.sensors), caps)
@@ -154,7 +154,7 @@ def test_linear_gaussian_information_form():
         n, m = 3, 5
         a, h = rng.standard_normal((n, n)), rng.standard_normal((m, n))
         p = a @ a.T + 0.2 * np.eye(n)
-        found = solve_program(PrecisionProgram(Moments(p, p @ h.T, h @ p @ h.T), 0.4 * p))
+        found = solve_program(Program(Moments(p, p @ h.T, h @ p @ h.T), 0.4 * p))
         information = np.linalg.inv(p) + h.T @ (found.precisions[:, None] * h)
         assert np.allclose(np.linalg.inv(information), found.posterior, rtol=1e-8, atol=1e-10)
         x = cp.Variable(m, nonneg=True)
@@ -168,8 +168,8 @@ def test_units_of_states_and_sensors_do_not_matter():
     rng = np.random.default_rng(7)
     t, s = 10.0 ** rng.uniform(-5, 5, 3), 10.0 ** rng.uniform(-5, 5, 4)
     scaled = Moments(t[:, None] * P3 * t, t[:, None] * SMALL.cross * s, s[:, None] * SMALL.measurement * s)
-    plain = solve_program(PrecisionProgram(SMALL, 0.6 * P3))
-    other = solve_program(PrecisionProgram(scaled, 0.6 * t[:, None] * P3 * t, s**2))
+    plain = solve_program(Program(SMALL, 0.6 * P3))
+    other = solve_program(Program(scaled, 0.6 * t[:, None] * P3 * t, s**2))
     assert abs(plain.objective - other.objective) < 1e-9 * plain.objective
     assert np.allclose(plain.precisions, other.precisions * s**2, rtol=1e-6)
 
@@ -177,11 +177,11 @@ def test_units_of_states_and_sensors_do_not_matter():
 def test_prices_caps_and_fixed_precisions_against_an_outside_judge():
     anomalies = anomalies_of(SMALL.state, SMALL.cross, SMALL.measurement)
     prices, caps = np.array([1.0, 3.0, 0.5, 0.2]), np.array([np.inf, 0.7, np.inf, 0.3])
-    found = solve_program(PrecisionProgram(SMALL, 0.6 * P3, prices, caps))
+    found = solve_program(Program(SMALL, 0.6 * P3, prices, caps))
     value, _ = least_precision(anomalies, 0.6 * P3, prices, caps)
     assert abs(found.objective - value) < 1e-7 * value and np.all(found.precisions <= caps)
     fixed = np.array([np.nan, 0.5, np.nan, np.nan])
-    some = solve_program(PrecisionProgram(SMALL, 0.6 * P3, prices, fixed=fixed))
+    some = solve_program(Program(SMALL, 0.6 * P3, prices, fixed=fixed))
     given = SMALL.given(np.array([0, 0.5, 0, 0])).only([0, 2, 3])
     value, _ = least_precision(anomalies_of(given.state, given.cross, given.measurement), 0.6 * P3, prices[[0, 2, 3]])
     assert some.precisions[1] == 0.5 and abs(some.objective - value - 1.5) < 1e-6
@@ -189,9 +189,9 @@ def test_prices_caps_and_fixed_precisions_against_an_outside_judge():
 
 
 def test_caps_decide_feasibility_exactly():
-    best = solve_program(PrecisionProgram(SCALAR, np.array([[1.2]]))).objective
+    best = solve_program(Program(SCALAR, np.array([[1.2]]))).objective
     for over, status in ((1 + 1e-6, Status.CERTIFIED), (1.0, Status.CERTIFIED), (1 - 1e-6, Status.INFEASIBLE)):
-        found = solve_program(PrecisionProgram(SCALAR, np.array([[1.2]]), caps=np.array([best * over])))
+        found = solve_program(Program(SCALAR, np.array([[1.2]]), caps=np.array([best * over])))
         assert found.status is status, over
         if status is Status.CERTIFIED:
             assert found.relative_margin >= -1e-8 and abs(found.objective - best) < 1e-6
@@ -199,7 +199,7 @@ def test_caps_decide_feasibility_exactly():
 
 def test_stopping_early_returns_something_that_meets_the_bound():
     monitor = Monitor(show=lambda record: setattr(monitor, "interrupted", 2) if record["iteration"] >= 3 else None)
-    found = solve_program(PrecisionProgram(SMALL, 0.6 * P3), monitor=monitor)
+    found = solve_program(Program(SMALL, 0.6 * P3), monitor=monitor)
     assert found.status is Status.INTERRUPTED
     assert found.relative_margin >= 0 and found.lower_bound <= 2.31671 <= found.objective
 
@@ -208,7 +208,7 @@ def test_at_least_as_many_sensors_as_directions_above_the_bound():
     rng = np.random.default_rng(8)
     for _ in range(30):
         moments, _, bound, prices, _ = random_case(rng)
-        found = solve_program(place_bound(PrecisionProgram(moments, bound, prices), 1.5))
+        found = solve_program(place_bound(Program(moments, bound, prices), 1.5))
         assert np.sum(found.precisions > 0) >= found.feasibility.least_active
 
 
@@ -218,7 +218,7 @@ def test_at_least_as_many_sensors_as_directions_above_the_bound():
 )
 def test_refusals(change, words):
     with pytest.raises(ProblemError, match=words):
-        PrecisionProgram(SMALL, 0.6 * P3, **change)
+        Program(SMALL, 0.6 * P3, **change)
 
 
 def test_too_large_for_the_packed_cone_is_refused():
@@ -227,8 +227,8 @@ def test_too_large_for_the_packed_cone_is_refused():
     joint = anomalies @ anomalies.T
     moments = Moments(joint[:5, :5], joint[:5, 5:], joint[5:, 5:])
     with pytest.raises(ProblemError, match="too many for the method 'clarabel'"):
-        solve_program(PrecisionProgram(moments, 0.5 * moments.state), "clarabel")
-    found = solve_program(PrecisionProgram(moments, 0.5 * moments.state))
+        solve_program(Program(moments, 0.5 * moments.state), "clarabel")
+    found = solve_program(Program(moments, 0.5 * moments.state))
     assert found.status is Status.CERTIFIED
 
 
@@ -240,7 +240,7 @@ def test_a_solver_that_lies_is_not_believed(monkeypatch):
         return Iterate(0.1 * np.ones(len(form.costs)), np.eye(form.rows), np.zeros(len(form.costs)), 3, "solved")
 
     monkeypatch.setattr(precision_program, "_run", liar)
-    found = solve_program(PrecisionProgram(SMALL, 0.6 * P3))
+    found = solve_program(Program(SMALL, 0.6 * P3))
     assert found.status is Status.FAILED and found.precisions is None
 
 
@@ -253,7 +253,7 @@ def test_an_answer_that_is_too_dear_keeps_its_bound_but_is_not_called_optimal(mo
         return Iterate(50.0 * np.ones(len(form.costs)), dual, np.zeros(len(form.costs)), 3, "solved")
 
     monkeypatch.setattr(precision_program, "_run", lazy)
-    found = solve_program(PrecisionProgram(SMALL, 0.6 * P3))
+    found = solve_program(Program(SMALL, 0.6 * P3))
     assert found.status is Status.LIMIT and found.relative_margin > 0
     assert 0 < found.lower_bound <= 2.31671 < found.objective
 
@@ -261,7 +261,7 @@ def test_an_answer_that_is_too_dear_keeps_its_bound_but_is_not_called_optimal(mo
 def test_nearly_indefinite_moments_and_huge_precisions():
     ones = np.ones((2, 2))
     moments = Moments(np.eye(1), np.array([[0.9, 0.9]]), ones - 1e-9 * np.eye(2))
-    found = solve_program(PrecisionProgram(moments, np.array([[0.5]])))
+    found = solve_program(Program(moments, np.array([[0.5]])))
     assert found.status is Status.CERTIFIED
-    single = solve_program(PrecisionProgram(moments.only([0]), np.array([[0.5]])))
+    single = solve_program(Program(moments.only([0]), np.array([[0.5]])))
     assert abs(found.objective - single.objective) < 1e-6 * single.objective  # two equal sensors are one

@@ -8,14 +8,14 @@ import pytest
 from occontrol.core.errors import ProblemError
 from occontrol.core.solution import Status
 from occontrol.families.precision.moments import Moments
-from occontrol.families.precision.program import PrecisionProgram, solve_program
+from occontrol.families.precision.program import Program, solve_program
 from occontrol.families.precision.pruning import Pruning, active, best_set, prune
 
 RNG = np.random.default_rng(4)
 ANOMALIES = RNG.standard_normal((3 + 8, 14))
 ANOMALIES[:3] = 0.6 * ANOMALIES[:3] + 0.7 * ANOMALIES[3:6]
 JOINT = ANOMALIES @ ANOMALIES.T
-PROGRAM = PrecisionProgram(Moments(JOINT[:3, :3], JOINT[:3, 3:], JOINT[3:, 3:]), 0.65 * JOINT[:3, :3])
+PROGRAM = Program(Moments(JOINT[:3, :3], JOINT[:3, 3:], JOINT[3:, 3:]), 0.65 * JOINT[:3, :3])
 FIRST = solve_program(PROGRAM)
 SINGLES = [np.array([i]) for i in range(8)]
 

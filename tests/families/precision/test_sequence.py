@@ -5,7 +5,7 @@ import pytest
 
 from occontrol.families.precision.ensemble import EnsembleFilter
 from occontrol.families.precision.linearised import linearise_batch, undetectable_modes
-from occontrol.families.precision.program import PrecisionProgram, relative_margin, solve_program
+from occontrol.families.precision.program import Program, relative_margin, solve_program
 from occontrol.families.precision.sequence import observe, run_sequence, simulate_truth
 from occontrol.families.precision.unscented import UnscentedFilter
 from tests.families.precision.linear_judge import linear
@@ -14,7 +14,7 @@ BOUND = 0.25 * np.eye(3)
 
 
 def choose(forecast, k):
-    return solve_program(PrecisionProgram(forecast.moments, BOUND))
+    return solve_program(Program(forecast.moments, BOUND))
 
 
 @pytest.mark.parametrize("options", [UnscentedFilter(), EnsembleFilter(members=40)])
@@ -52,9 +52,13 @@ def test_truth_and_noise_follow_the_seed():
     assert abs(np.std(seen) - 0.5) < 0.01
 
 
+class Refused:
+    precisions = None
+
+
 def test_a_refusal_ends_the_sequence():
     outcomes = run_sequence(
-        *linear(), UnscentedFilter(), 1, 5, lambda f, k: choose(f, k) if k < 2 else object(), seed=0
+        *linear(), UnscentedFilter(), 1, 5, lambda f, k: choose(f, k) if k < 2 else Refused(), seed=0
     )
     assert len(outcomes) == 3 and np.all(np.isnan(outcomes[-1].observed))
 

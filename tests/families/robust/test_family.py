@@ -8,18 +8,20 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from occontrol.api import document, read_problem
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.sensor import Sensor
 from occontrol.core.solution import Status
-from occontrol.families.robust import family as robust
-from occontrol.families.robust.family import METHODS, Problem, certify, online, run_filter, simulate, solve
+from occontrol.families.robust.family import FAMILY
 from occontrol.families.robust.methods import All, Fixed, OneStep, Optimal, Random, RelaxedShares
 from occontrol.families.robust.plant import UncertainPlant
+from occontrol.families.robust.problem import Problem
+from occontrol.files.problem_file import document, read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
+solve, certify, online = FAMILY.solve, FAMILY.certify, FAMILY.online
+simulate, run_filter = FAMILY.simulate, FAMILY.run_filter
 
 
 def oscillator(**changes):
@@ -54,7 +56,7 @@ def test_check_values_through_the_methods():
 def test_every_method_is_bounded_by_the_relaxation_and_the_optimum():
     problem, costs = oscillator(), {}
     best = solve(problem).result["cost"]
-    for name, method in METHODS.items():
+    for name, method in FAMILY.methods.items():
         options = Fixed(["one", 2, 1, "two", "one"]) if name == "fixed" else method()
         found = solve(problem, options)
         costs[name] = found.result["cost"]
@@ -165,7 +167,7 @@ def test_simulated_truths_stay_in_the_filtered_set(seed):
     away = truth.values - estimate.mean
     shares = [x @ np.linalg.solve(S, x) for x, S in zip(away, estimate.covariance, strict=True)]
     assert max(shares) <= 1 + 1e-9
-    assert robust.truth_remark(estimate, truth, "t.csv").startswith("51 of 51")
+    assert FAMILY.truth_remark(estimate, truth, "t.csv").startswith("51 of 51")
     fewer = run_filter(problem, found, measurements[:20] + measurements[25:])
     assert any("5 of 50 samples are missing" in note for note in fewer.notes)
     assert np.all(fewer.standard_deviation[-1] >= estimate.standard_deviation[-1] * (1 - 1e-9))

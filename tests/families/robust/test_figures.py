@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from occontrol.api import compare_figure, estimate_figures, figures_of
 from occontrol.core.sensor import Sensor
-from occontrol.families.robust.family import METHODS, Problem, run_filter, simulate, solve
+from occontrol.families.robust.family import FAMILY
 from occontrol.families.robust.methods import All
 from occontrol.families.robust.plant import UncertainPlant
+from occontrol.families.robust.problem import Problem
+
+solve, figures_of, compare_figure = FAMILY.solve, FAMILY.figures, FAMILY.compare_figure
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +38,7 @@ def test_all_sequences_and_the_comparison(problem):
     ranked = solve(problem, All())
     steps = figures_of(problem, ranked)["sequences"].axes[0].lines[0]
     assert len(steps.get_ydata()) == 16
-    solutions = {name: solve(problem, METHODS[name]()) for name in ("optimal", "one-step", "relaxed")}
+    solutions = {name: solve(problem, FAMILY.methods[name]()) for name in ("optimal", "one-step", "relaxed")}
     figure = compare_figure(problem, solutions)
     assert len(figure.axes) == 3  # the relaxation has shares, no size over time
     assert len(figure.axes[0].lines) == 2
@@ -45,8 +47,8 @@ def test_all_sequences_and_the_comparison(problem):
 
 def test_estimates_are_drawn_as_sets(problem):
     found = solve(problem)
-    measurements, truth = simulate(problem, found, 1)
-    drawn = estimate_figures(problem, found, run_filter(problem, found, measurements), truth)
+    measurements, truth = FAMILY.simulate(problem, found, 1)
+    drawn = FAMILY.estimate_figures(problem, found, FAMILY.run_filter(problem, found, measurements), truth)
     assert len(drawn["estimates"].axes) == 2
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from occontrol.api import read_problem
 from occontrol.core.errors import ProblemError
-from occontrol.families.robust.family import solve
+from occontrol.families.robust.family import FAMILY
+from occontrol.files.problem_file import read_problem
 
 BASE = """\
 family: robust
@@ -70,7 +70,12 @@ REFUSALS = [
     ("", "", "method: {name: fixed, sequence: [one, two, three, 1]}\n", "x.yaml:12:44: there is no sensor 'three'"),
     ("", "", "method: {name: fixed, sequence: [1, 2, 3, 1]}\n", "sensor number 3 does not exist"),
     ("", "", "method: {name: optimall}\n", "unknown method 'optimall'"),
-    ("", "", "method: {name: optimal, width: 0}\n", "width is 0, it must be at least 1"),
+    (
+        "",
+        "",
+        "method: {name: optimal, width: 0}\n",
+        "x.yaml:12:32: width of method optimal is 0\n  hint: a whole number of at least 1",
+    ),
     ("", "", "method: {name: optimal, depth: 3}\n", "unknown option 'depth' of method 'optimal'"),
 ]
 
@@ -103,22 +108,23 @@ def test_several_mistakes_are_reported_together(tmp_path):
 def test_switch_times_may_leave_start_and_end_out(horizon, tmp_path):
     problem = read(tmp_path, "{end: 2.0, slots: 4}", horizon)
     assert np.array_equal(problem.edges, [0, 0.5, 1, 1.5, 2])
-    assert solve(problem).result["cost"] == pytest.approx(solve(read(tmp_path)).result["cost"], rel=1e-12)
+    same = FAMILY.solve(read(tmp_path)).result["cost"]
+    assert FAMILY.solve(problem).result["cost"] == pytest.approx(same, rel=1e-12)
 
 
 def test_constants_formulas_and_tables_are_the_same_plant(tmp_path):
-    cost = solve(read(tmp_path)).result["cost"]
+    cost = FAMILY.solve(read(tmp_path)).result["cost"]
     for old, new in (
         ("A: [[0, 1], [-1, -0.4]]", "A: [['0*t', 1], [-1, -0.4]]"),
         ("K: [[0.5, 0.2]]", "K: {times: [0, 1, 2], values: [[[0.5, 0.2]], [[0.5, 0.2]], [[0.5, 0.2]]]}"),
         ("C: [[1, 0]]", "C: [['1+0*t', 0]]"),
     ):
-        assert solve(read(tmp_path, old, new)).result["cost"] == pytest.approx(cost, rel=1e-11)
+        assert FAMILY.solve(read(tmp_path, old, new)).result["cost"] == pytest.approx(cost, rel=1e-11)
 
 
 def test_a_start_other_than_zero_shifts_time(tmp_path):
     shifted = read(tmp_path, "{end: 2.0, slots: 4}", "{start: 5, end: 7, slots: 4}")
-    found, plain = solve(shifted), solve(read(tmp_path))
+    found, plain = FAMILY.solve(shifted), FAMILY.solve(read(tmp_path))
     assert found.result["cost"] == pytest.approx(plain.result["cost"], rel=1e-11)
     reach = plain.result["observability_horizon"]
     assert found.result["observability_horizon"] == pytest.approx(5 + reach, rel=1e-11)

@@ -8,18 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from occontrol.api import choose_method, read_problem
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.core.plant import DiscretePlant
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Status
-from occontrol.families.vlambda import family as vlambda
-from occontrol.families.vlambda.family import Problem, solve
+from occontrol.families.vlambda.family import FAMILY as vlambda
 from occontrol.families.vlambda.methods import Fixed, Lookahead, Optimal
+from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor
+from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
+solve = vlambda.solve
 CHOICES = [3, 2, 2, 2, 3, 2, 1, 2, 1, 2, 2, 2]
 
 
@@ -64,7 +65,7 @@ def oshman():
 
 @pytest.fixture(scope="module")
 def solutions(oshman):
-    return {name: solve(oshman, choose_method(oshman, name)) for name in vlambda.compare_names(oshman)}
+    return {name: solve(oshman, vlambda.choose(oshman, name)) for name in vlambda.compare_names(oshman)}
 
 
 def numbers(problem, solution):
@@ -124,7 +125,7 @@ def test_the_optimum_is_proven_and_no_chooser_beats_it(oshman, solutions):
         assert solution.cost >= best.cost * (1 - 1e-10), name
     assert solutions["fixed:one"].cost > 10 * best.cost
     by_trace = dataclasses.replace(oshman, criterion="trace")
-    traces = {name: solve(by_trace, choose_method(by_trace, name)) for name in ("optimal", "eigenspace", "trace")}
+    traces = {name: solve(by_trace, vlambda.choose(by_trace, name)) for name in ("optimal", "eigenspace", "trace")}
     assert traces["optimal"].status is Status.CERTIFIED
     assert traces["optimal"].cost == pytest.approx(626.8439469509, rel=1e-10)
     assert traces["optimal"].cost <= min(traces["trace"].cost, traces["eigenspace"].cost) * (1 + 1e-12)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from occontrol.api import choose_method, compare_figure, estimate_figures, figures_of, run_filter, simulate, solve
+from occontrol.api import run_filter, simulate, solve
 from occontrol.core.plant import DiscretePlant
 from occontrol.families.hybrid import problem as hybrid_problem
 from occontrol.families.hybrid.plant import JumpPlant, Mode
 from occontrol.families.hybrid.sensor import JumpSensor
 from occontrol.families.vlambda import problem as vlambda_problem
 from occontrol.families.vlambda.sensor import DiscreteSensor
-from occontrol.files.figures import style
+from occontrol.files.figures import compare_figure, estimate_figures, figures_of, style
 
 LONG = [f"a rather long name of sensor {i:02d} of the array" for i in range(50)]
 ROWS = np.random.default_rng(3).standard_normal((50, 1, 2))
@@ -66,7 +66,7 @@ def test_of_many_sensors_those_in_use_have_a_row_and_a_colour(make) -> None:
     ]
     assert list(reversed(used)) in rows
     assert all(len(texts) < 50 for texts in rows)
-    others = {name: solve(problem, choose_method(problem, name)) for name in ("random", "fixed")}
+    others = {name: solve(problem, name) for name in ("random", "fixed")}
     figure = compare_figure(problem, others)
     figure.canvas.draw()
     width = figure.bbox.width

@@ -110,11 +110,11 @@ MISTAKES = [
     ("scales: [1, 2]", "scales: [1, 0]", ":16:", "a scale is not a finite number above 0"),
     ("criterion: trace", "criterion: {name: determinant}", ":17:", "unknown criterion 'determinant'"),
     ("name: lookahead", "name: lookahed", ":18:", "did you mean 'lookahead'"),
-    ("depth: 2", "depth: 0", ":18:", "depth is 0"),
+    ("depth: 2", "depth: 0", ":18:", "depth of method lookahead is 0"),
     ("{name: lookahead, depth: 2, grid: 5}", "{name: fixed, sensor: zz}", ":18:", "there is no sensor 'zz'"),
     ("{name: lookahead, depth: 2, grid: 5}", "{name: fixed, sensor: a}", ":18:", "1 sensor is named, select is 2"),
     ("{name: lookahead, depth: 2, grid: 5}", "{name: random, seed: -1}", ":18:", "seed"),
-    ("{name: lookahead, depth: 2, grid: 5}", "{name: eigenspace, tolerance: 2}", ":18:", "tolerance is 2"),
+    ("{name: lookahead, depth: 2, grid: 5}", "{name: eigenspace, tolerance: 2}", ":18:", "method eigenspace is 2"),
 ]
 
 

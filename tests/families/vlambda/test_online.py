@@ -7,17 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from occontrol.api import read_problem
 from occontrol.core.errors import ProblemError, SolveFailed, UsageError
 from occontrol.core.measurement import Measurement
 from occontrol.core.plant import DiscretePlant
-from occontrol.families.vlambda.family import Problem, online, run_filter, simulate, solve
+from occontrol.families.vlambda.baselines import FixedChooser
+from occontrol.families.vlambda.family import FAMILY
 from occontrol.families.vlambda.methods import Optimal
 from occontrol.families.vlambda.online import OnlineSelector
+from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor, Region
-from occontrol.families.vlambda.sensor_choice import EigenspaceChooser, FixedChooser
+from occontrol.families.vlambda.sensor_choice import EigenspaceChooser
+from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
+solve, simulate, run_filter, online = FAMILY.solve, FAMILY.simulate, FAMILY.run_filter, FAMILY.online
 
 
 @pytest.fixture(scope="module")
@@ -189,13 +192,13 @@ def test_an_unstable_direction_that_nobody_measures_is_a_message():
 
 def test_the_loop_of_a_problem_follows_any_method(oshman):
     assert online(oshman).sensors == ("three",)
-    assert online(oshman, "fixed:two").sensors == ("two",)
-    assert online(oshman, "round-robin").sensors == ("one",)
-    best = online(oshman, "optimal")
+    assert online(oshman, method="fixed:two").sensors == ("two",)
+    assert online(oshman, method="round-robin").sensors == ("one",)
+    best = online(oshman, method="optimal")
     chosen = []
     while not best.finished:
         chosen.append(best.sensors[0])
         best.step()
     assert chosen[::25] == [e["sensors"][0] for e in solve(oshman, Optimal()).result["schedule"]]
     with pytest.raises(UsageError, match="family vlambda has no method 'best'"):
-        online(oshman, "best")
+        online(oshman, method="best")

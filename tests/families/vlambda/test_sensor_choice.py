@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from occontrol.core.plant import DiscretePlant
+from occontrol.families.vlambda.baselines import FixedChooser, RandomChooser, RoundRobinChooser
 from occontrol.families.vlambda.eigenfactor import Eigenfactors, eigenfactors_of
 from occontrol.families.vlambda.sampled_plant import sample_plant
 from occontrol.families.vlambda.sensor import DiscreteSensor, Region
 from occontrol.families.vlambda.sensor_choice import (
     EigenspaceChooser,
     Epoch,
-    FixedChooser,
-    RandomChooser,
-    RoundRobinChooser,
     TraceChooser,
     best_of,
     information_along,

@@ -8,15 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from occontrol.api import choose_method, read_problem
 from occontrol.core.plant import DiscretePlant
 from occontrol.core.solution import Status
-from occontrol.families.vlambda import family as vlambda
-from occontrol.families.vlambda.family import Problem, solve
+from occontrol.families.vlambda.family import FAMILY as vlambda
 from occontrol.families.vlambda.methods import Eigenspace, Fixed, Lookahead, Optimal, Random, RoundRobin, Trace
+from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor, Region
+from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
+solve = vlambda.solve
 
 
 def joseph(P, H, R):
@@ -177,7 +178,7 @@ def test_a_perfectly_known_state_is_no_trouble():
 
 def test_a_single_step_and_a_single_sensor():
     problem = Problem("one", DiscretePlant(0.5, 1.0, 2.0), [DiscreteSensor("a", 1.0, 1.0)], 1, 7)
-    for name in vlambda.METHODS:
-        solution = solve(problem, choose_method(problem, name))
+    for name in vlambda.methods:
+        solution = solve(problem, vlambda.choose(problem, name))
         assert solution.cost == pytest.approx(2 / 3)
         assert solution.result["peak_largest_eigenvalue"] == pytest.approx(2 / 3)

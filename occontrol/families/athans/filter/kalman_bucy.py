@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.arrange import arrange
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
@@ -25,8 +25,6 @@ from occontrol.families.athans.filter.sampled_model import SampledModel
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.consistency import average_band
 
-TIME_SLACK = 0.01  # of an interval's length: times may be rounded, but not ambiguous
-MOST_MISTAKES = 20
 COARSE = 1.2  # expected NEES per state above which the split filter is called too coarse
 
 
@@ -50,7 +48,8 @@ def run_filter(
     not belong to the schedule.
     """
     matched = MatchedFilter(problem, schedule, model)
-    samples = sort_samples(matched.model, measurements)
+    sampled = matched.model
+    samples = arrange(sampled.edges, sampled.names, sampled.rows, sampled.active, measurements)
     steps = [matched.state()]
     for sample in samples:
         steps.append(matched.step(sample))
@@ -110,76 +109,6 @@ def _notes(model: SampledModel, steps: Sequence[Step]) -> tuple[str, ...]:
         verdict = "inside" if low <= total / values <= high else "OUTSIDE"
         notes.append(f"NIS: {total / values:.4g} per value on average, {verdict} its 99 % band [{low:.4g}, {high:.4g}]")
     return tuple(notes)
-
-
-def sort_samples(model: SampledModel, measurements: Sequence[Measurement]) -> list[dict[str, np.ndarray]]:
-    """{sensor: values} of every interval; an empty one where nothing arrived.
-
-    Parameters
-    ----------
-    model : SampledModel with N intervals
-    measurements : in any order
-
-    Raises ProblemError: outside the horizon, not at the end of an interval, a sensor that is unknown or not in use
-    then, twice the same, a wrong number of values, infinite values.
-    """
-    samples: list[dict[str, np.ndarray]] = [{} for _ in range(model.intervals)]
-    found: list[Mistake] = []
-    for measurement in measurements:
-        place = f"line {measurement.line}" if measurement.line else ""
-        try:
-            k = _interval(model, measurement)
-            _check(model, k, measurement, samples[k])
-        except ProblemError as error:
-            found += [Mistake((), m.what, m.hint, place=place) for m in error.mistakes]
-            if len(found) >= MOST_MISTAKES:
-                break
-            continue
-        samples[k][measurement.sensor] = np.asarray(measurement.values, dtype=float)
-    if found:
-        raise ProblemError(found)
-    return samples
-
-
-def _interval(model: SampledModel, measurement: Measurement) -> int:
-    edges, t, name = model.edges, float(measurement.time), measurement.sensor
-    if not np.isfinite(t):
-        raise ProblemError(f"the sample of sensor '{name}' has no finite time")
-    if measurement.sensor not in model.names:
-        raise ProblemError(f"there is no sensor '{name}'", "sensors: " + ", ".join(model.names))
-    k = int(np.clip(np.searchsorted(edges[1:], t), 0, model.intervals - 1))
-    nearest = k - 1 if k and abs(edges[k] - t) < abs(edges[k + 1] - t) else k
-    slack = TIME_SLACK * float(edges[nearest + 1] - edges[nearest])
-    if abs(edges[nearest + 1] - t) <= slack:
-        return nearest
-    if not edges[0] < t <= edges[-1] + slack:
-        raise ProblemError(
-            f"the sample of sensor '{name}' at t = {t:.9g} lies outside the horizon [{edges[0]:g}, {edges[-1]:g}]",
-            "t is the end of the interval that the sample averages",
-        )
-    raise ProblemError(
-        f"the sample of sensor '{name}' at t = {t:.9g} is not at the end of an interval",
-        f"the nearest ends are {edges[k]:.9g} and {edges[k + 1]:.9g}",
-    )
-
-
-def _check(model: SampledModel, k: int, measurement: Measurement, already: dict) -> None:
-    name, values = measurement.sensor, np.asarray(measurement.values, dtype=float)
-    j = model.names.index(name)
-    if j not in model.active[k]:
-        used = ", ".join(model.names[i] for i in model.active[k]) or "no sensor"
-        raise ProblemError(
-            f"sensor '{name}' is not in use over [{model.edges[k]:g}, {model.edges[k + 1]:g}]", f"in use: {used}"
-        )
-    if name in already:
-        raise ProblemError(f"sensor '{name}' has a second sample at t = {measurement.time:.9g}")
-    if values.shape != (model.rows[j],):
-        raise ProblemError(
-            f"the sample of sensor '{name}' has {values.size} values, its C has {model.rows[j]} rows",
-            "leave the line of a missing sample out, or its missing value empty",
-        )
-    if np.any(np.isinf(values)):
-        raise ProblemError(f"the sample of sensor '{name}' is infinite")
 
 
 def continuous_gain(

@@ -1,0 +1,72 @@
+"""What somebody says about a policy, and what is said about it when it is recomputed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from occontrol.core.solution import Certificate
+
+RELATIVE = 1e-6
+
+
+@dataclass(frozen=True)
+class Claims:
+    """What somebody says about a policy.
+
+    Parameters
+    ----------
+    cost : of the discretised problem, or None
+    lower_bound : of the discretised problem, or None
+    continuous_bound : in continuous time, or None
+    relative_gap : (cost - lower_bound) / |cost|, or None
+    parts : further numbers by the names that they have in a result, such as prediction_error
+    """
+
+    cost: float | None = None
+    lower_bound: float | None = None
+    continuous_bound: float | None = None
+    relative_gap: float | None = None
+    parts: Mapping[str, float] = field(default_factory=dict)
+
+
+def false_claims(
+    claims: Claims,
+    cost: float,
+    lowest_cost: float,
+    continuous_cost: float | None = None,
+    parts: Mapping[str, float] | None = None,
+) -> list[str]:
+    """Sentences on every claim that the recomputed numbers refute; empty if none is.
+
+    A claimed bound is refuted when some policy, relaxed or not, costs less than it.
+
+    Parameters
+    ----------
+    claims : Claims
+    cost : recomputed J of the claimed policy
+    lowest_cost : the lowest J of any policy known, the relaxed optimum included
+    continuous_cost : recomputed J in continuous time, or None
+    parts : recomputed numbers by name
+    """
+    found = []
+    if claims.cost is not None and not abs(claims.cost - cost) <= 1e-8 * abs(cost):
+        found.append(f"the stated cost is {claims.cost:.10g}, the schedule costs {cost:.10g}")
+    if claims.lower_bound is not None and not claims.lower_bound <= lowest_cost + 1e-8 * abs(lowest_cost):
+        found.append(
+            f"the stated lower bound {claims.lower_bound:.10g} is not one: a known policy costs {lowest_cost:.10g}"
+        )
+    if None not in (claims.relative_gap, claims.cost, claims.lower_bound):
+        gap = Certificate(claims.cost, claims.lower_bound).relative_gap  # type: ignore[arg-type]
+        if not abs(claims.relative_gap - gap) <= RELATIVE:  # type: ignore[operator]
+            found.append(f"the stated relative gap is {claims.relative_gap:.10g}, its cost and bound give {gap:.10g}")
+    bound = claims.continuous_bound
+    if bound is not None and continuous_cost is not None and not bound <= continuous_cost + RELATIVE * abs(cost):
+        found.append(
+            f"the stated continuous lower bound {bound:.10g} is not one: this policy costs {continuous_cost:.10g}"
+        )
+    for name, value in (parts or {}).items():
+        stated = claims.parts.get(name)
+        if stated is not None and not abs(stated - value) <= RELATIVE * max(abs(value), abs(cost)):
+            found.append(f"the stated {name.replace('_', ' ')} is {stated:.10g}, recomputed {value:.10g}")
+    return found
