@@ -20,7 +20,7 @@ from occontrol.files.plain_json import plain, to_json
 from occontrol.files.tables import write_measurements
 
 FAMILIES = names()
-# of the templates, so that every method takes a moment
+# of the templates that are too large for every method to take a moment
 SMALLER = {
     "athans": [("intervals: 200", "intervals: 24")],
     "vlambda": [("steps: 120", "steps: 30")],
@@ -46,7 +46,7 @@ METHODS_OF_ABILITY = {
 def text_of(family: str) -> str:
     """The family's template, made small."""
     text = template(family).read_text(encoding="utf-8")
-    for old, new in SMALLER[family]:
+    for old, new in SMALLER.get(family, []):
         assert text.count(old) == 1, old
         text = text.replace(old, new)
     return text
@@ -235,7 +235,8 @@ def test_solve_certify_plot(family: str, problems: dict[str, Any], solved) -> No
         judged = oc.certify(problem, solution.schedule, find_family(family).claims_of(problem, solution))
         assert judged.status in (Status.FEASIBLE, Status.CERTIFIED)
         assert abs(judged.cost - solution.cost) <= 1e-9 * abs(solution.cost)
-        assert judged.certificate is not None and judged.certificate.lower_bound <= solution.cost * (1 + 1e-9)
+        if family != "vlambda":  # its template has a movable sensor, of which nothing is proven
+            assert judged.certificate is not None and judged.certificate.lower_bound <= solution.cost * (1 + 1e-9)
     drawn = oc.plot(solution)
     assert isinstance(drawn, dict) and drawn
     first = next(iter(drawn))
