@@ -11,10 +11,16 @@ from occontrol.families import find_family, names
 @pytest.mark.parametrize("family", names())
 def test_every_method_and_the_problem_of_a_family_are_public_below_its_name(family: str) -> None:
     space, found = getattr(oc, family), find_family(family)
-    for kind in found.methods.values():
+    for kind in (*found.methods.values(), found.problem_type):
         assert getattr(space, kind.__name__) is kind
-    problems = [name for name in dir(space) if getattr(space, name) is found.problem_type]
-    assert len(problems) == 1 and getattr(oc, problems[0]) is found.problem_type
+
+
+def test_every_problem_has_a_name_of_its_own_at_the_top() -> None:
+    for family in oc._FAMILIES:
+        space, kind = getattr(oc, family), find_family(family).problem_type
+        own = [name for name in dir(space) if getattr(space, name) is kind]
+        assert len(own) == 1 and getattr(oc, own[0]) is kind
+        assert set(find_family(family).methods.values()) <= {getattr(space, name) for name in dir(space)}
 
 
 def test_a_name_of_one_family_alone_is_public_at_the_top() -> None:
