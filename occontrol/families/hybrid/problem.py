@@ -200,3 +200,6 @@ class Problem:
     def positions_of(self, groups: Sequence[Sequence[str]]) -> list[list[int]]:
         """Groups of sensor names as positions among the sensors."""
         return [[self.sensors.index(name) for name in group] for group in groups]
+
+
+JumpProblem = Problem  # its name outside of the family
