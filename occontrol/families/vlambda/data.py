@@ -10,8 +10,9 @@ from occontrol.core.errors import Mistake, ProblemError, UsageError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.vlambda.online import OnlineSelector
-from occontrol.families.vlambda.sampled_plant import SampledPlant, semidefinite_root
+from occontrol.families.vlambda.sampled_plant import SampledPlant
 from occontrol.families.vlambda.sensor_choice import Chooser
+from occontrol.numerics.linalg import square_root
 
 
 def simulate_selection(
@@ -30,7 +31,7 @@ def simulate_selection(
     """
     generator = np.random.default_rng(seed)
     loop = OnlineSelector(plant, starts, select, chooser)
-    state = plant.mean + semidefinite_root(plant.covariance[None])[0] @ generator.standard_normal(plant.states)
+    state = plant.mean + square_root(plant.covariance, scaled=False) @ generator.standard_normal(plant.states)
     truth, found = [], []
     for k in range(plant.steps):
         truth.append(state * plant.scales)
@@ -61,7 +62,7 @@ def filter_measurements(
     """
     by_step = _by_step(plant, measurements)
     loop = OnlineSelector(plant, starts, select, chooser)
-    steps, covariances, missing, extra, holes = [], [], 0, 0, 0
+    steps, missing, extra, holes = [], 0, 0, 0
     while not loop.finished:
         k = loop.step_number
         given = by_step.get(k, {})
@@ -70,7 +71,6 @@ def filter_measurements(
             steps.append(loop.step({name: m.values for name, m in given.items()}))
         except UsageError as error:
             raise ProblemError(Mistake((), str(error), place=_place(next(iter(given.values()))))) from None
-        covariances.append(loop.posterior.covariance * np.outer(plant.scales, plant.scales))
         missing += len(steps[-1].missing)
         extra += len(set(given) - planned)
         gone = [int(np.isnan(m.values).sum()) for m in given.values()]
@@ -88,14 +88,14 @@ def filter_measurements(
         )
     count = len(steps)
     return Estimate(
-        np.array([float(s.step) for s in steps]),
-        np.array([s.mean for s in steps]),
-        np.array([s.standard_deviations for s in steps]),
+        np.array([s.time for s in steps]),
+        np.array([s.estimate for s in steps]),
+        np.array([s.standard_deviation for s in steps]),
         np.empty((count, 0)),
         np.empty((count, 0)),
-        np.array([s.innovation for s in steps]),
+        np.array([s.nis for s in steps]),
         np.array([s.dimension for s in steps]),
-        np.array(covariances),
+        np.array([s.covariance for s in steps]),
         tuple(notes),
     )
 

@@ -132,7 +132,7 @@ def online(problem: Problem, method: Any = None) -> OnlineSelector:
 
     >>> loop = online(problem)                       # doctest: +SKIP
     >>> done = loop.step({"one": [0.3, 0.1]})        # doctest: +SKIP
-    >>> done.mean, done.next_sensors                 # doctest: +SKIP
+    >>> done.estimate, done.next_sensors                 # doctest: +SKIP
     """
     from occontrol.families.vlambda.online import OnlineSelector
 

@@ -125,16 +125,16 @@ def test_steps_on_line_are_the_filter():
     online = MatchedFilter(problem, schedule)
     k = 0
     while not online.finished:
-        names = online.next_sensor
+        names = online.next_sensors
         step = online.step({name: samples[k, name] for name in names} if names else None)
         k += 1
         assert np.array_equal(step.estimate, estimate.mean[k]) and step.time == problem.edges[k]
         assert np.array_equal(step.prediction, estimate.predicted[k]) and step.planned
-    assert k == 24 and online.next_sensor == ()
+    assert k == 24 and online.next_sensors == ()
     with pytest.raises(ProblemError, match="the horizon is over"):
         online.step(None)
     online.restart()
-    assert online.next_sensor == ("place",)
+    assert online.next_sensors == ("place",)
     assert not online.step(None).planned
 
 

@@ -52,10 +52,10 @@ def test_a_loop_that_measures_what_it_is_told_equals_the_run(oshman):
         innovation = data[k][told[0]] - H @ x
         nis = innovation @ np.linalg.solve(H @ P @ H.T + R, innovation)
         P, x = A @ P @ A.T + K @ R @ K.T, x + K @ innovation
-        assert done.mean == pytest.approx(x, rel=1e-9, abs=1e-10)
-        assert done.standard_deviations == pytest.approx(np.sqrt(np.diag(P)), rel=1e-9)
-        assert done.innovation == pytest.approx(nis, rel=1e-7, abs=1e-10)
-        assert (done.step, done.dimension, done.missing) == (k, 2, ())
+        assert done.estimate == pytest.approx(x, rel=1e-9, abs=1e-10)
+        assert done.standard_deviation == pytest.approx(np.sqrt(np.diag(P)), rel=1e-9)
+        assert done.nis == pytest.approx(nis, rel=1e-7, abs=1e-10)
+        assert (done.time, done.dimension, done.missing) == (k, 2, ())
         F = oshman.plant.F.at(k)
         P, x = F @ P @ F.T + oshman.plant.Q.at(k), F @ x
         told = done.next_sensors

@@ -21,9 +21,9 @@ from occontrol.families.athans.filter.online import MODELS, Plan, make_plan
 from occontrol.families.athans.filter.sampled_model import SampledModel, exact_model
 from occontrol.families.athans.filter.simulate import draw
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.numerics.linalg import solve_lower, whitener
 
 PROBABILITY = 0.99
-RANK = 1e-12  # eigenvalues of the correlation matrix below this share of the largest count as zero
 
 
 def average_band(degrees: float, probability: float = PROBABILITY) -> tuple[float, float]:
@@ -54,23 +54,10 @@ def nees(truth: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> tuple[n
     value = np.zeros(error.shape[:-1])
     degrees = np.zeros(len(covariance), dtype=int)
     for k, P in enumerate(covariance):
-        white = _whitener(P)
+        white = whitener(P)
         value[..., k] = np.sum((error[..., k, :] @ white) ** 2, axis=-1)
         degrees[k] = white.shape[1]
     return value, degrees
-
-
-def _whitener(P: np.ndarray) -> np.ndarray:
-    """V (n, rank) with V V' the (pseudo-)inverse of P, formed in units of the standard deviations."""
-    scale = np.sqrt(np.maximum(np.diag(P), 0.0))
-    kept = np.flatnonzero(scale > 0)
-    if not len(kept):
-        return np.zeros((len(P), 0))
-    values, vectors = np.linalg.eigh(P[np.ix_(kept, kept)] / np.outer(scale[kept], scale[kept]))
-    good = values > RANK * max(values[-1], 0.0)
-    white = np.zeros((len(P), int(np.sum(good))))
-    white[kept] = vectors[:, good] / np.sqrt(values[good]) / scale[kept, None]
-    return white
 
 
 def expected_nees(problem: SchedulingProblem, schedule: Schedule, model: str = "split") -> np.ndarray:
@@ -106,7 +93,7 @@ def expected_nees(problem: SchedulingProblem, schedule: Schedule, model: str = "
         joint = step @ joint @ step.T + np.block([[Q, mixed], [mixed.T, last]])
         bias = closed @ bias - wrong @ mean - K @ (truth.offset[k] - own.offset[k])
         mean = F @ mean + truth.input[k]
-        white = _whitener(plan.covariance[k + 1])
+        white = whitener(plan.covariance[k + 1])
         moment = joint[n:, n:] + np.outer(bias, bias)
         result[k + 1] = np.sum((moment @ white) * white) / max(1, white.shape[1])
     return result
@@ -192,7 +179,7 @@ def monte_carlo(
         error = readings[k] - x @ own.observe[k].T - own.offset[k]
         mean[:, k + 1] = x @ own.transition[k].T + own.input[k] + error @ plan.gain[k].T
         if error.shape[1]:
-            nis[:, k] = np.sum(error * np.linalg.solve(plan.innovation[k], error.T).T, axis=1)
+            nis[:, k] = np.sum(solve_lower(plan.innovation_root[k], error.T) ** 2, axis=0)
     value, degrees = nees(states, mean, plan.covariance)
     return Consistency(own.edges, nis, own.dimension, value, degrees)
 

@@ -4,9 +4,10 @@
     x+ = F x + g + K e
     P+ = (F - K H) P (F - K H)' + [I, -K] [[Q, S], [S', R]] [I, -K]'
 
-(the Kalman filter in Joseph form, with the correlated noises of a SampledModel). As long as every planned sample
-arrives, gain and covariance are the ones computed beforehand; from the first missing sample on they are computed anew
-at every step.
+(the Kalman filter with the correlated noises of a SampledModel). Covariances are carried as square roots, see
+numerics/square_root_filter.py, so that they stay definite whatever the data. As long as every planned sample arrives,
+gain and covariance are the ones computed beforehand; from the first missing sample on they are computed anew at every
+step.
 Athans (1971), sections 3.1 and 7.
 """
 
@@ -14,41 +15,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from occontrol.core.errors import ProblemError, UsageError
+from occontrol.core.measurement import Step
 from occontrol.core.schedule import Schedule
 from occontrol.families.athans.filter.predictor import Predictor, make_predictor
 from occontrol.families.athans.filter.sampled_model import SampledModel, exact_model, split_model
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.numerics.linalg import square_root, symmetrise
+from occontrol.numerics.square_root_filter import advance, gain_of, whitened
 
 MODELS = {"split": split_model, "exact": exact_model}
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
-    """What the filter knows at a node.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MatchedStep(Step):
+    """What the filter knows at a node; the prediction is of w(Tp).
 
     Parameters
     ----------
-    time : t
-    estimate, covariance : (n,), (n, n) of the state
-    prediction, prediction_covariance : (p,), (p, p) of w(Tp)
-    next_sensor : names of the sensors to read during the interval that begins here; () for none
-    nis : normalised innovation squared of the sample just taken, NaN if there was none
-    dimension : number of values behind nis
     planned : whether covariance and gain are still the ones computed beforehand
     """
 
-    time: float
-    estimate: np.ndarray
-    covariance: np.ndarray
-    prediction: np.ndarray
-    prediction_covariance: np.ndarray
-    next_sensor: tuple[str, ...]
-    nis: float
-    dimension: int
     planned: bool
 
 
@@ -59,13 +50,23 @@ class Plan:
     Parameters
     ----------
     gain : N arrays K (n, m): node to node, they include the half step after the reading
-    innovation : N arrays Y (m, m)
-    covariance : (N+1, n, n) at the nodes
+    innovation_root : N arrays D (m, m), lower triangular, D D' = Y
+    root : (N+1, n, n) S with P = S S' at the nodes
     """
 
     gain: list[np.ndarray]
-    innovation: list[np.ndarray]
-    covariance: np.ndarray
+    innovation_root: list[np.ndarray]
+    root: np.ndarray
+
+    @cached_property
+    def innovation(self) -> list[np.ndarray]:
+        """N arrays Y (m, m): the covariance of every innovation."""
+        return [root @ root.T for root in self.innovation_root]
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """(N+1, n, n) P at the nodes."""
+        return symmetrise(self.root @ np.swapaxes(self.root, 1, 2))
 
 
 def make_plan(model: SampledModel) -> Plan:
@@ -75,29 +76,23 @@ def make_plan(model: SampledModel) -> Plan:
     ----------
     model : SampledModel
     """
-    covariance = np.empty((model.intervals + 1, model.states, model.states))
-    covariance[0] = model.covariance
+    root = np.empty((model.intervals + 1, model.states, model.states))
+    root[0] = square_root(model.covariance, floor=0.0)
     gains, innovations = [], []
     for k in range(model.intervals):
-        kept = np.arange(len(model.offset[k]))
-        gain, innovation, covariance[k + 1] = _advance(model, k, covariance[k], kept)
+        gain, innovation, root[k + 1] = _advance(model, k, root[k], np.arange(len(model.offset[k])))
         gains.append(gain)
         innovations.append(innovation)
-    return Plan(gains, innovations, covariance)
+    return Plan(gains, innovations, root)
 
 
-def _advance(model: SampledModel, k: int, P: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Gain, innovation covariance and the next covariance when the stacked values `kept` arrive."""
-    F, Q = model.transition[k], model.noise[k]
-    H, R, S = model.observe[k][kept], model.reading_noise[k][np.ix_(kept, kept)], model.cross[k][:, kept]
-    if not len(kept):
-        after = F @ P @ F.T + Q
-        return np.zeros((len(F), 0)), np.zeros((0, 0)), (after + after.T) / 2
-    innovation = H @ P @ H.T + R
-    gain = np.linalg.solve(innovation, (F @ P @ H.T + S).T).T
-    closed = F - gain @ H
-    after = closed @ P @ closed.T + Q - gain @ S.T - S @ gain.T + gain @ R @ gain.T
-    return gain, innovation, (after + after.T) / 2
+def _advance(model: SampledModel, k: int, root: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Gain K, innovation root D and the next root S+ when the stacked values `kept` arrive."""
+    noise, n = model.noise_roots[k], model.states
+    rows = np.ascontiguousarray(model.observe[k][kept])
+    stacked = np.concatenate((noise[n + kept], noise[:n]))
+    after, normalised, innovation = advance(root, np.ascontiguousarray(model.transition[k]), rows, stacked)
+    return gain_of(normalised, innovation), innovation, after
 
 
 class MatchedFilter:
@@ -130,10 +125,15 @@ class MatchedFilter:
     def restart(self) -> None:
         """Back to the start of the horizon."""
         self.k, self.planned = 0, True
-        self.mean, self.covariance = self.model.mean.copy(), self.plan.covariance[0]
+        self.mean, self.root = self.model.mean.copy(), self.plan.root[0]
 
     @property
-    def next_sensor(self) -> tuple[str, ...]:
+    def covariance(self) -> np.ndarray:
+        """(n, n) of the state, P = S S'."""
+        return self.root @ self.root.T
+
+    @property
+    def next_sensors(self) -> tuple[str, ...]:
         """Names of the sensors to read during the coming interval."""
         if self.k >= self.model.intervals:
             return ()
@@ -144,19 +144,28 @@ class MatchedFilter:
         """Whether the end of the horizon is reached."""
         return self.k >= self.model.intervals
 
-    def state(self, nis: float = np.nan, dimension: int = 0) -> Step:
+    def state(self, nis: float = np.nan, dimension: int = 0) -> MatchedStep:
         """What is known now, without a step.
 
         Parameters
         ----------
         nis, dimension : of the last sample, if there was one
         """
-        w, spread = self.predictor.predict(self.k, self.mean, self.covariance)
-        time = float(self.model.edges[self.k])
-        mean = self.mean.copy()
-        return Step(time, mean, self.covariance, w, spread, self.next_sensor, nis, dimension, self.planned)
+        covariance = self.covariance
+        w, spread = self.predictor.predict(self.k, self.mean, covariance)
+        return MatchedStep(
+            time=float(self.model.edges[self.k]),
+            estimate=self.mean.copy(),
+            covariance=covariance,
+            prediction=w,
+            prediction_covariance=spread,
+            nis=nis,
+            dimension=dimension,
+            next_sensors=self.next_sensors,
+            planned=self.planned,
+        )
 
-    def step(self, sample: Mapping[str, np.ndarray] | np.ndarray | None = None) -> Step:
+    def step(self, sample: Mapping[str, np.ndarray] | np.ndarray | None = None) -> MatchedStep:
         """Advance by one interval with what was measured during it.
 
         Parameters
@@ -174,14 +183,14 @@ class MatchedFilter:
         if len(kept) < len(z):
             self.planned = False
         if self.planned:
-            gain, innovation, after = self.plan.gain[k], self.plan.innovation[k], self.plan.covariance[k + 1]
+            gain, innovation_root, after = self.plan.gain[k], self.plan.innovation_root[k], self.plan.root[k + 1]
         else:
-            gain, innovation, after = _advance(model, k, self.covariance, kept)
+            gain, innovation_root, after = _advance(model, k, self.root, kept)
         error = z[kept] - model.observe[k][kept] @ self.mean - model.offset[k][kept]
         self.mean = model.transition[k] @ self.mean + model.input[k] + gain @ error
-        self.covariance = after
+        self.root = after
         self.k += 1
-        nis = float(error @ np.linalg.solve(innovation, error)) if len(kept) else np.nan
+        nis = float(np.sum(whitened(innovation_root, error) ** 2)) if len(kept) else np.nan
         return self.state(nis, len(kept))
 
     def _stack(self, sample) -> tuple[np.ndarray, np.ndarray]:
@@ -198,7 +207,7 @@ class MatchedFilter:
         for name, values in sample.items():
             j = model.names.index(name) if name in model.names else -1
             if j not in places:
-                use = ", ".join(self.next_sensor) or "none"
+                use = ", ".join(self.next_sensors) or "none"
                 raise ProblemError(f"sensor '{name}' is not in use, in use: {use}")
             values = np.atleast_1d(np.asarray(values, dtype=float))
             if values.shape != (model.rows[j],) or np.any(np.isinf(values)):
