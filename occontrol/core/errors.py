@@ -19,7 +19,8 @@ class Mistake:
     """One thing that is wrong: where (a path into the problem), what, and how to mend it.
 
     `key` points at the key itself rather than at its value (unknown or repeated keys).
-    `place` is filled in by the file reader: "problems/x.yaml:14:11".
+    `place` is filled in by the file reader: "problems/x.yaml:14:11". In data of many lines `cause` says which mistakes
+    are the same one made again, see `one_per_cause`.
     """
 
     path: Path
@@ -27,6 +28,7 @@ class Mistake:
     hint: str = ""
     key: bool = False
     place: str = ""
+    cause: str = ""
 
     def under(self, *prefix: str | int) -> Mistake:
         """The same mistake, seen from further up the document."""
@@ -47,6 +49,22 @@ def printable(text: str) -> str:
     if len(text) > LONGEST:
         text = f"{text[: LONGEST - 100]} ... {text[-100:]}"
     return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def one_per_cause(mistakes: Iterable[Mistake]) -> list[Mistake]:
+    """The first mistake of every cause (of the same words, where none is given), with the number of the others.
+
+    Parameters
+    ----------
+    mistakes : in the order of the file
+    """
+    groups: dict[str, list[Mistake]] = {}
+    for m in mistakes:
+        groups.setdefault(m.cause or f"{m.path} {m.what}", []).append(m)
+    return [
+        replace(first, what=f"{first.what}, and {plural(len(others), 'more line')} like it") if others else first
+        for first, *others in groups.values()
+    ]
 
 
 def suggest(name: str, known: Iterable[str]) -> str:

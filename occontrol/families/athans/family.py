@@ -207,7 +207,11 @@ def simulate(problem: SchedulingProblem, solution: Solution, seed: int = 0) -> t
 
 
 def run_filter(
-    problem: SchedulingProblem, solution: Solution, measurements: Sequence[Measurement], model: str = "split"
+    problem: SchedulingProblem,
+    solution: Solution,
+    measurements: Sequence[Measurement],
+    model: str = "split",
+    gate: float | None = None,
 ) -> Estimate:
     """The matched filter and predictor over a list of measurements.
 
@@ -217,10 +221,11 @@ def run_filter(
     solution : Solution whose schedule is followed
     measurements : list of Measurement
     model : "split", whose covariance is the schedule's, or "exact", for coarse grids
+    gate : probability, for example 0.9999; samples farther off than that are left out
     """
     from occontrol.families.athans.filter.kalman_bucy import run_filter as follow
 
-    return follow(problem, _schedule_of(solution), measurements, model)
+    return follow(problem, _schedule_of(solution), measurements, model, gate)
 
 
 def _schedule_of(solution: Solution) -> Schedule:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.core.errors import Mistake, ProblemError, UsageError
+from occontrol.core.arrange import arrange
+from occontrol.core.errors import UsageError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution, Status
@@ -178,33 +179,21 @@ def run_filter(problem: Problem, solution: Solution, measurements: Sequence[Meas
 def _arrange(problem: Problem, plan: np.ndarray, measurements: Sequence[Measurement]) -> np.ndarray:
     """(K, q*m) values in the plan's order, NaN where there is none; ProblemError for what does not fit it."""
     assert problem.plant is not None
-    steps = plan.size // problem.sensor_count
-    values = np.full((steps, problem.sensor_count), np.nan)
-    used = plan.reshape(steps, problem.sensor_count) > 0
-    mistakes = []
-    for item in measurements:
-        if len(item.values) == 1 and np.isnan(item.values[0]):
-            continue  # missing
-        line = f"line {item.line}: " if item.line else ""
-        k = round(item.time / problem.plant.interval) - 1
-        if item.sensor not in problem.names:
-            mistakes.append(
-                Mistake((), f"{line}there is no sensor '{item.sensor}'", "sensors: " + ", ".join(problem.names[:8]))
-            )
-            continue
-        i = problem.names.index(item.sensor)
-        if not 0 <= k < steps or abs((k + 1) * problem.plant.interval - item.time) > 1e-6 * problem.plant.interval:
-            what = f"{line}t = {item.time:g} is not one of the {steps} steps"
-            mistakes.append(Mistake((), what, f"t is a multiple of {problem.plant.interval:g}"))
-        elif len(item.values) != 1:
-            mistakes.append(Mistake((), f"{line}sensor '{item.sensor}' gives {len(item.values)} values, it has 1"))
-        elif not used[k, i]:
-            what = f"{line}sensor '{item.sensor}' has precision 0 at t = {item.time:g}"
-            mistakes.append(Mistake((), what, "its noise is not known; leave the line out"))
-        elif not np.isnan(values[k, i]):
-            mistakes.append(Mistake((), f"{line}a second measurement of '{item.sensor}' at t = {item.time:g}"))
-        else:
-            values[k, i] = item.values[0]
-    if mistakes:
-        raise ProblemError(mistakes)
+    steps, names = plan.size // problem.sensor_count, list(problem.names)
+    used = plan.reshape(steps, len(names)) > 0
+    # a line whose value is missing says nothing, wherever it stands
+    given = [m for m in measurements if not (len(m.values) == 1 and np.isnan(m.values[0]))]
+    arrived = arrange(
+        np.arange(1, steps + 1) * problem.plant.interval,
+        names,
+        [1] * len(names),
+        [list(np.flatnonzero(row)) for row in used],
+        given,
+        slack=1e-6,
+        instants=True,
+    )
+    values = np.full((steps, len(names)), np.nan)
+    for k, found in enumerate(arrived):
+        for name, value in found.items():
+            values[k, names.index(name)] = value[0]
     return values.reshape(plan.shape)

@@ -6,14 +6,13 @@ Samples lie on a grid, `samples` to a slot; a value is held since the grid time 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
 
 import numpy as np
 
+from occontrol.core.arrange import arrange
 from occontrol.core.errors import SolveFailed
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.trajectory import Trajectory
-from occontrol.families.athans.filter.kalman_bucy import sort_samples
 from occontrol.families.robust.plant import UncertainPlant
 from occontrol.families.robust.scattering import Flow
 from occontrol.families.robust.set_membership import initial_states, propagate
@@ -134,10 +133,7 @@ def filter_samples(
     grid = sample_grid(edges, samples)
     used = np.repeat(np.asarray(sequence), samples)
     rows = [row.shape[0] for row in flow.rows]
-    model = SimpleNamespace(
-        edges=grid, intervals=len(grid) - 1, names=list(names), active=[[int(j)] for j in used], rows=rows
-    )
-    arrived = sort_samples(model, measurements)  # type: ignore[arg-type]
+    arrived = arrange(grid, names, rows, [(int(j),) for j in used], measurements)
     states = initial_states(float(grid[0]), plant.center, plant.weight, plant.level)
     path, missing, empty = [states], 0, None
     for k, j in enumerate(used):

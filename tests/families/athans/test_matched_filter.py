@@ -167,7 +167,7 @@ def test_the_exact_model_is_offered_and_others_are_refused():
         ({"time": 0.1}, r"'place' at t = 0.1 is not at the end of an interval"),
         ({"sensor": "speed"}, r"'speed' is not in use over \[0, .*in use: place"),
         ({"sensor": "radar"}, r"no sensor 'radar'"),
-        ({"values": np.array([1.0, 2.0])}, r"'place' has 2 values, its C has 1 row"),
+        ({"values": np.array([1.0, 2.0])}, r"'place' has 2 values, it must have 1"),
         ({"values": np.array([np.inf])}, r"'place' is infinite"),
         ({"time": np.nan}, r"'place' has no finite time"),
     ],

@@ -206,7 +206,7 @@ def test_filtering_what_the_plan_does_not_hold(tmp_path):
     assert "missing" in estimate.notes[0]
     from occontrol.core.measurement import Measurement
 
-    with pytest.raises(ProblemError, match="not one of the 2 steps"):
+    with pytest.raises(ProblemError, match=r"the sample of sensor 'a' at t = 0\.33"):
         precision.run_filter(problem, solution, [Measurement(0.33, "a", np.zeros(1))])
     with pytest.raises(ProblemError, match="no sensor 'c'"):
         precision.run_filter(problem, solution, [Measurement(0.2, "c", np.zeros(1))])

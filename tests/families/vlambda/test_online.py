@@ -135,12 +135,18 @@ def test_missing_values_of_a_sample_are_left_out_and_announced(oshman):
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        (Measurement(3.0, "one", np.array([1.0, np.inf]), 9), r"line 9: sensor 'one' has 2 values, an infinite one"),
+        (Measurement(3.0, "one", np.array([1.0, np.inf]), 9), r"line 9: the sample of sensor 'one' is infinite"),
         (Measurement(3.0, "four", np.zeros(2), 9), r"line 9: there is no sensor 'four'"),
-        (Measurement(3.5, "one", np.zeros(2), 9), r"line 9: t = 3.5 is not a step of the horizon"),
-        (Measurement(300.0, "one", np.zeros(2), 9), r"t is k = 0 \.\. 299"),
-        (Measurement(3.0, "one", np.zeros(1), 9), r"line 9: sensor 'one' has 2 values, 1 came"),
-        (Measurement(3.0, "three", np.zeros(2), 9), r"line 9: sensor 'three' is there twice at k = 3"),
+        (
+            Measurement(3.5, "one", np.zeros(2), 9),
+            r"sensor 'one' at t = 3.5 is not at a step\n  hint: the nearest steps are 3 and 4",
+        ),
+        (
+            Measurement(300.0, "one", np.zeros(2), 9),
+            r"line 9: .* outside the horizon \[0, 299\]\n  hint: t is 0, 1, \.\. 299",
+        ),
+        (Measurement(3.0, "one", np.zeros(1), 9), r"line 9: the sample of sensor 'one' has 1 value, it must have 2"),
+        (Measurement(3.0, "three", np.zeros(2), 9), r"line 9: sensor 'three' has a second sample at t = 3"),
     ],
 )
 def test_samples_that_do_not_fit_are_refused_with_their_line(oshman, bad, words):

@@ -14,18 +14,18 @@ from functools import partial
 
 import numpy as np
 
-from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.arrange import arrange
+from occontrol.core.errors import plural
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.athans.filter.consistency import average_band, expected_nees
 from occontrol.families.athans.filter.gains import USED
-from occontrol.families.athans.filter.online import MatchedFilter, Step
+from occontrol.families.athans.filter.online import MatchedFilter, MatchedStep
 from occontrol.families.athans.filter.sampled_model import SampledModel
 from occontrol.families.athans.problem import SchedulingProblem
 
-TIME_SLACK = 0.01  # of an interval's length: times may be rounded, but not ambiguous
-MOST_MISTAKES = 20
+OUTLIER = 1e-6  # a consistent sample lies beyond the level that is called an outlier with this probability
 COARSE = 1.2  # expected NEES per state above which the split filter is called too coarse
 
 
@@ -34,6 +34,7 @@ def run_filter(
     schedule: Schedule,
     measurements: Sequence[Measurement],
     model: str | SampledModel = "split",
+    gate: float | None = None,
 ) -> Estimate:
     """Estimate the state and predict w(Tp) from measurements along a schedule.
 
@@ -43,17 +44,19 @@ def run_filter(
     schedule : Schedule with N intervals
     measurements : each the average of one sensor over the interval that ends at its time, in any order
     model : "split" or "exact" (see online.py)
+    gate : probability; samples so far off that a consistent one would be nearer with this probability are left out
 
-    Returns an Estimate with one row per edge, the first being the initial one; its notes tell of missing samples and
-    of the average NIS with its 99 % band. Raises ProblemError naming line and sensor of every measurement that does
-    not belong to the schedule.
+    Returns an Estimate with one row per edge, the first being the initial one; its notes tell of missing samples, of
+    those that the gate left out or the worst that would deserve it, and of the average NIS with its 99 % band.
+    Raises ProblemError naming line and sensor of every measurement that does not belong to the schedule.
     """
-    matched = MatchedFilter(problem, schedule, model)
-    samples = sort_samples(matched.model, measurements)
+    matched = MatchedFilter(problem, schedule, model, gate=gate)
+    sampled = matched.model
+    samples = arrange(sampled.edges, sampled.names, sampled.rows, sampled.active, measurements)
     steps = [matched.state()]
     for sample in samples:
         steps.append(matched.step(sample))
-    notes = _notes(matched.model, steps)
+    notes = _notes(sampled, steps, gate)
     if model == "split":
         worst = float(np.max(expected_nees(problem, schedule)))
         if worst > COARSE:
@@ -64,7 +67,7 @@ def run_filter(
     deviation = np.array([_deviation(s.covariance) for s in steps])
     output = _present_output(problem, steps)
     return Estimate(
-        times=matched.model.edges,
+        times=sampled.edges,
         mean=np.array([s.estimate for s in steps]),
         standard_deviation=deviation,
         predicted=np.array([s.prediction for s in steps]),
@@ -82,7 +85,7 @@ def _deviation(covariance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
 
-def _present_output(problem: SchedulingProblem, steps: Sequence[Step]) -> tuple[np.ndarray, np.ndarray]:
+def _present_output(problem: SchedulingProblem, steps: Sequence[MatchedStep]) -> tuple[np.ndarray, np.ndarray]:
     """w(t) = D(t) x(t) and its standard deviation at every node."""
     D = problem.output.sample(np.array([s.time for s in steps]))
     with np.errstate(invalid="ignore"):  # only D(Tp) has to be finite; elsewhere the fields stay empty
@@ -91,9 +94,9 @@ def _present_output(problem: SchedulingProblem, steps: Sequence[Step]) -> tuple[
     return mean, deviation
 
 
-def _notes(model: SampledModel, steps: Sequence[Step]) -> tuple[str, ...]:
-    notes = []
-    arrived = np.array([s.dimension for s in steps[1:]])
+def _notes(model: SampledModel, steps: Sequence[MatchedStep], gate: float | None) -> tuple[str, ...]:
+    notes = [note for note in (_outlier(steps, model) if gate is None else _gated(steps, gate),) if note]
+    arrived = np.array([s.dimension + s.skipped_values for s in steps[1:]])
     missing = np.flatnonzero(arrived < model.dimension)
     if len(missing):
         lost, planned, first = int(np.sum(model.dimension - arrived)), int(np.sum(model.dimension)), missing[0]
@@ -111,74 +114,37 @@ def _notes(model: SampledModel, steps: Sequence[Step]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def sort_samples(model: SampledModel, measurements: Sequence[Measurement]) -> list[dict[str, np.ndarray]]:
-    """{sensor: values} of every interval; an empty one where nothing arrived.
+def _outlier(steps: Sequence[MatchedStep], model: SampledModel) -> str:
+    """The sample that is least likely to belong to this plant, if it is beyond the level of an outlier."""
+    from scipy.stats import chi2
 
-    Parameters
-    ----------
-    model : SampledModel with N intervals
-    measurements : in any order
-
-    Raises ProblemError: outside the horizon, not at the end of an interval, a sensor that is unknown or not in use
-    then, twice the same, a wrong number of values, infinite values.
-    """
-    samples: list[dict[str, np.ndarray]] = [{} for _ in range(model.intervals)]
-    found: list[Mistake] = []
-    for measurement in measurements:
-        place = f"line {measurement.line}" if measurement.line else ""
-        try:
-            k = _interval(model, measurement)
-            _check(model, k, measurement, samples[k])
-        except ProblemError as error:
-            found += [Mistake((), m.what, m.hint, place=place) for m in error.mistakes]
-            if len(found) >= MOST_MISTAKES:
-                break
-            continue
-        samples[k][measurement.sensor] = np.asarray(measurement.values, dtype=float)
-    if found:
-        raise ProblemError(found)
-    return samples
-
-
-def _interval(model: SampledModel, measurement: Measurement) -> int:
-    edges, t, name = model.edges, float(measurement.time), measurement.sensor
-    if not np.isfinite(t):
-        raise ProblemError(f"the sample of sensor '{name}' has no finite time")
-    if measurement.sensor not in model.names:
-        raise ProblemError(f"there is no sensor '{name}'", "sensors: " + ", ".join(model.names))
-    k = int(np.clip(np.searchsorted(edges[1:], t), 0, model.intervals - 1))
-    nearest = k - 1 if k and abs(edges[k] - t) < abs(edges[k + 1] - t) else k
-    slack = TIME_SLACK * float(edges[nearest + 1] - edges[nearest])
-    if abs(edges[nearest + 1] - t) <= slack:
-        return nearest
-    if not edges[0] < t <= edges[-1] + slack:
-        raise ProblemError(
-            f"the sample of sensor '{name}' at t = {t:.9g} lies outside the horizon [{edges[0]:g}, {edges[-1]:g}]",
-            "t is the end of the interval that the sample averages",
-        )
-    raise ProblemError(
-        f"the sample of sensor '{name}' at t = {t:.9g} is not at the end of an interval",
-        f"the nearest ends are {edges[k]:.9g} and {edges[k + 1]:.9g}",
+    found = [
+        (float(chi2.logsf(nis, degrees)), s.time, name, nis, degrees)
+        for s in steps
+        for name, (nis, degrees) in s.samples.items()
+    ]
+    beyond = [each for each in found if each[0] < np.log(OUTLIER)]
+    if not beyond:
+        return ""
+    # far out the probability is zero to rounding: of several such samples the one with the largest NIS per value
+    _, time, name, nis, degrees = min(beyond, key=lambda each: (each[0], -each[3] / each[4]))
+    limit = float(chi2.isf(OUTLIER, degrees))
+    others = f" (and {plural(len(beyond) - 1, 'other sample')})" if len(beyond) > 1 else ""
+    return (
+        f"outlier: the sample of sensor '{name}' at t = {time:.9g}{others} does not fit: its NIS is {nis:.4g}, which "
+        f"exceeds {limit:.4g} once in a million for {plural(degrees, 'value')}; a gate leaves such samples out"
     )
 
 
-def _check(model: SampledModel, k: int, measurement: Measurement, already: dict) -> None:
-    name, values = measurement.sensor, np.asarray(measurement.values, dtype=float)
-    j = model.names.index(name)
-    if j not in model.active[k]:
-        used = ", ".join(model.names[i] for i in model.active[k]) or "no sensor"
-        raise ProblemError(
-            f"sensor '{name}' is not in use over [{model.edges[k]:g}, {model.edges[k + 1]:g}]", f"in use: {used}"
-        )
-    if name in already:
-        raise ProblemError(f"sensor '{name}' has a second sample at t = {measurement.time:.9g}")
-    if values.shape != (model.rows[j],):
-        raise ProblemError(
-            f"the sample of sensor '{name}' has {values.size} values, its C has {model.rows[j]} rows",
-            "leave the line of a missing sample out, or its missing value empty",
-        )
-    if np.any(np.isinf(values)):
-        raise ProblemError(f"the sample of sensor '{name}' is infinite")
+def _gated(steps: Sequence[MatchedStep], gate: float) -> str:
+    """What the gate left out."""
+    found = [(s.time, name, s.samples[name][0]) for s in steps for name in s.skipped]
+    if not found:
+        return ""
+    time, name, nis = found[0]
+    first = f"sensor '{name}' at t = {time:.9g}, NIS {nis:.4g}"
+    number = plural(len(found), "sample")
+    return f"gate {gate:g}: {number} left out ({'it is of' if len(found) == 1 else 'the first is of'} {first})"
 
 
 def continuous_gain(

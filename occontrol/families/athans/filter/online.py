@@ -14,7 +14,7 @@ Athans (1971), sections 3.1 and 7.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +26,7 @@ from occontrol.families.athans.filter.predictor import Predictor, make_predictor
 from occontrol.families.athans.filter.sampled_model import SampledModel, exact_model, split_model
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.linalg import square_root, symmetrise
-from occontrol.numerics.square_root_filter import advance, gain_of, whitened
+from occontrol.numerics.square_root_filter import advance, gain_of, triangularise, whitened
 
 MODELS = {"split": split_model, "exact": exact_model}
 
@@ -38,9 +38,18 @@ class MatchedStep(Step):
     Parameters
     ----------
     planned : whether covariance and gain are still the ones computed beforehand
+    samples : {sensor: (nis, number of values)} of every sensor that reported, each judged by itself
+    skipped : names of the sensors whose samples the gate left out
     """
 
     planned: bool
+    samples: Mapping[str, tuple[float, int]] = field(default_factory=dict)
+    skipped: tuple[str, ...] = ()
+
+    @property
+    def skipped_values(self) -> int:
+        """How many values the gate left out."""
+        return sum(self.samples[name][1] for name in self.skipped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +113,7 @@ class MatchedFilter:
     schedule : Schedule to follow
     model : "split" (default; its covariance is the schedule's) or "exact" (for coarse grids), or a SampledModel
     plan : Plan to use instead of the computed one
+    gate : probability; a sample farther off than a consistent one would be with this probability is left out
 
     Athans (1971), equations (3.2), (3.6)-(3.8), (7.3)-(7.5).
     """
@@ -114,10 +124,15 @@ class MatchedFilter:
         schedule: Schedule,
         model: str | SampledModel = "split",
         plan: Plan | None = None,
+        gate: float | None = None,
     ):
         if isinstance(model, str) and model not in MODELS:
             raise UsageError(f"there is no filter model '{model}'\n  hint: there are: {', '.join(MODELS)}")
         self.model = MODELS[model](problem, schedule) if isinstance(model, str) else model
+        if gate is not None and not 0 < gate < 1:
+            raise UsageError(f"gate is {gate:g}, it must be a probability between 0 and 1\n  hint: for example 0.9999")
+        self.gate = gate
+        self._limits: dict[int, float] = {}
         self.plan = plan or make_plan(self.model)
         self.predictor: Predictor = make_predictor(problem, self.model)
         self.restart()
@@ -180,18 +195,49 @@ class MatchedFilter:
         if self.finished:
             raise ProblemError("the horizon is over: there is no further interval", "restart() begins again")
         z, kept = self._stack(sample)
+        error = z - model.observe[k] @ self.mean - model.offset[k]
+        samples = self._judge(error)
+        skipped = tuple(name for name, (nis, m) in samples.items() if nis > self._limit(m))
+        for name in skipped:
+            z[model.places(k)[model.names.index(name)]] = np.nan
+        if skipped:
+            kept = np.flatnonzero(np.isfinite(z))
         if len(kept) < len(z):
             self.planned = False
         if self.planned:
             gain, innovation_root, after = self.plan.gain[k], self.plan.innovation_root[k], self.plan.root[k + 1]
         else:
             gain, innovation_root, after = _advance(model, k, self.root, kept)
-        error = z[kept] - model.observe[k][kept] @ self.mean - model.offset[k][kept]
+        error = error[kept]
         self.mean = model.transition[k] @ self.mean + model.input[k] + gain @ error
         self.root = after
         self.k += 1
         nis = float(np.sum(whitened(innovation_root, error) ** 2)) if len(kept) else np.nan
-        return self.state(nis, len(kept))
+        return replace(self.state(nis, len(kept)), samples=samples, skipped=skipped)
+
+    def _judge(self, error: np.ndarray) -> dict[str, tuple[float, int]]:
+        """NIS and number of values of every sensor that reported, by itself; `error` (m,) is NaN where nothing came."""
+        model, k, found = self.model, self.k, {}
+        noise, n = model.noise_roots[k], model.states
+        for j, place in model.places(k).items():
+            there = np.arange(len(error))[place]
+            there = there[np.isfinite(error[there])]
+            if len(there):
+                array = np.hstack((model.observe[k][there] @ self.root, noise[n + there]))
+                triangularise(array, len(there))
+                white = whitened(np.ascontiguousarray(array[:, : len(there)]), error[there])
+                found[model.names[j]] = float(white @ white), len(there)
+        return found
+
+    def _limit(self, degrees: int) -> float:
+        """The NIS of so many values beyond which the gate leaves a sample out."""
+        if self.gate is None:
+            return np.inf
+        if degrees not in self._limits:
+            from scipy.stats import chi2
+
+            self._limits[degrees] = float(chi2.ppf(self.gate, degrees))
+        return self._limits[degrees]
 
     def _stack(self, sample) -> tuple[np.ndarray, np.ndarray]:
         """All values of the interval (NaN where missing) and the positions of those that arrived."""
