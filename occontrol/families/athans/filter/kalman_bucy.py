@@ -180,8 +180,7 @@ def continuous_gain(
         return (A @ S + S @ A.T + plant.noise.at(t) - loss).ravel()
 
     state = plant.covariance.ravel()
-    order = [schedule.names.index(name) for name in problem.sensors.names]
-    for k, v in enumerate(schedule.weights[:, order]):
+    for k, v in enumerate(schedule.on_grid(schedule.edges, problem.sensors.names)):
         span = (float(schedule.edges[k]), float(schedule.edges[k + 1]))
         right = partial(rate, v)
         path = solve_ivp(right, span, state, "LSODA", dense_output=True, rtol=rtol, atol=1e-4 * rtol * scale)
@@ -219,7 +218,6 @@ def continuous_filter(
 
     covariance, _ = continuous_gain(problem, schedule, rtol / 10)
     plant, sensors = problem.plant, problem.sensors
-    order = [schedule.names.index(name) for name in sensors.names]
     state, states = plant.mean, [plant.mean]
 
     def rate(weights: np.ndarray, t: float, x: np.ndarray) -> np.ndarray:
@@ -233,7 +231,7 @@ def continuous_filter(
                 change = change + weights[j] * covariance(t) @ C.T @ error
         return change
 
-    for k, v in enumerate(schedule.weights[:, order]):
+    for k, v in enumerate(schedule.on_grid(schedule.edges, sensors.names)):
         span = (float(schedule.edges[k]), float(schedule.edges[k + 1]))
         path = solve_ivp(partial(rate, v), span, state, "LSODA", rtol=rtol, atol=rtol * 1e-3)
         state = path.y[:, -1]

@@ -166,6 +166,7 @@ def exact_model(problem: SchedulingProblem, schedule: Schedule) -> SampledModel:
     problem : SchedulingProblem
     schedule : Schedule over its horizon; weights may be fractional
     """
+    schedule.require_horizon(problem.edges)
     plant, n, h = problem.plant, problem.states, np.diff(schedule.edges)
     active, theta = _in_use(problem, schedule)
     N = len(h)
@@ -191,6 +192,7 @@ def split_model(problem: SchedulingProblem, schedule: Schedule) -> SampledModel:
     problem : SchedulingProblem
     schedule : Schedule over its horizon; weights may be fractional
     """
+    schedule.require_horizon(problem.edges)
     if not np.array_equal(problem.edges, schedule.edges):
         problem = replace(problem, edges=schedule.edges)
     plant, n, N = problem.plant, problem.states, problem.intervals
@@ -214,9 +216,7 @@ def split_model(problem: SchedulingProblem, schedule: Schedule) -> SampledModel:
 def _in_use(problem: SchedulingProblem, schedule: Schedule) -> tuple[list[tuple[int, ...]], list[np.ndarray]]:
     """Sensors in use on each interval, and the block diagonal of their Theta/(h v) at the midpoint."""
     edges = schedule.edges
-    order = [problem.sensors.index(name) for name in schedule.names]
-    weights = np.zeros((len(edges) - 1, len(problem.sensors)))
-    weights[:, order] = schedule.weights
+    weights = schedule.on_grid(edges, problem.sensors.names)
     samples = [sensor.noise.sample((edges[1:] + edges[:-1]) / 2) for sensor in problem.sensors]
     active, blocks = [], []
     for k, h in enumerate(np.diff(edges)):
