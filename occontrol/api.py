@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import inspect
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from occontrol.core.errors import InfeasibleError, UsageError
+from occontrol.core.errors import InfeasibleError, UsageError, suggest
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution, Status
 from occontrol.families import FAMILIES, family_module
@@ -19,13 +18,6 @@ if TYPE_CHECKING:
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.schedule import Schedule
     from occontrol.families.athans.certificate import Claims
-
-
-def suggest(name: str, known: Iterable[str]) -> str:
-    """A hint for the misspelt `name`: the closest of the `known` names, or all of them."""
-    known = list(known)
-    close = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean '{close[0]}'?" if close else "there are: " + ", ".join(known)
 
 
 def choose_method(problem: Any, name: str) -> Any:

@@ -18,8 +18,7 @@ def export(
     ] = None,
 ) -> int:
     """Write schedule, gains, covariance and the rest of a run for another tool."""
-    from occontrol.api import suggest
-    from occontrol.core.errors import UsageError
+    from occontrol.core.errors import UsageError, suggest
     from occontrol.files.export import FORMATS, export_run
 
     if to not in FORMATS:

@@ -61,8 +61,7 @@ def init(
     ] = None,
 ) -> int:
     """Write a commented problem file that solves as it stands; never over an existing file."""
-    from occontrol.api import suggest
-    from occontrol.core.errors import FileAccessError, UsageError
+    from occontrol.core.errors import FileAccessError, UsageError, suggest
     from occontrol.families import FAMILIES
 
     if family not in FAMILIES:

@@ -67,15 +67,23 @@ def one_per_cause(mistakes: Iterable[Mistake]) -> list[Mistake]:
     ]
 
 
-def suggest(name: str, known: Iterable[str]) -> str:
-    """A hint for the misspelt `name`: the closest of the `known` names, or all of them."""
+def suggest(name: str, known: Iterable[str], listed_as: str = "there are") -> str:
+    """A hint for the misspelt `name`: the closest of the `known` names, small letters or capitals, or all of them.
+
+    Parameters
+    ----------
+    name : as the user wrote it
+    known : what could be meant
+    listed_as : what stands before the list of all
+    """
     known = list(known)
-    close = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean '{close[0]}'?" if close else "there are: " + ", ".join(known)
+    lower = {word.lower(): word for word in reversed(known)}
+    close = difflib.get_close_matches(name.lower(), lower, n=1)
+    return f"did you mean '{lower[close[0]]}'?" if close else f"{listed_as}: " + ", ".join(known)
 
 
 def plural(count: int, thing: str) -> str:
-    """"1 state", "2 states": the count with the noun in the right number."""
+    """The count with the noun in the right number: 1 state, 2 states."""
     return f"{count} {thing}{'s' * (count != 1)}"
 
 

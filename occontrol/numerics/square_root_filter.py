@@ -54,24 +54,20 @@ def triangularise(array: np.ndarray, count: int) -> None:
             v[i] /= head
         u = v[c:]
         j = c + 1
-        while j + 4 <= rows:  # four rows at a time: u is read once for all of them
-            p, q, r, s = array[j, c:], array[j + 1, c:], array[j + 2, c:], array[j + 3, c:]
-            a, b, d, e = 0.0, 0.0, 0.0, 0.0
+        while j + 2 <= rows:  # two rows at a time: u is read once for both
+            p, q = array[j, c:], array[j + 1, c:]
+            a, b = 0.0, 0.0
             for i in range(len(u)):
                 x = u[i]
                 a += x * p[i]
                 b += x * q[i]
-                d += x * r[i]
-                e += x * s[i]
-            a, b, d, e = a * scale, b * scale, d * scale, e * scale
+            a, b = a * scale, b * scale
             for i in range(len(u)):
                 x = u[i]
                 p[i] += a * x
                 q[i] += b * x
-                r[i] += d * x
-                s[i] += e * x
-            j += 4
-        while j < rows:
+            j += 2
+        if j < rows:
             p = array[j, c:]
             a = 0.0
             for i in range(len(u)):
@@ -79,7 +75,6 @@ def triangularise(array: np.ndarray, count: int) -> None:
             a *= scale
             for i in range(len(u)):
                 p[i] += a * u[i]
-            j += 1
         v[c] = alpha
         for i in range(c + 1, columns):
             v[i] = 0.0
