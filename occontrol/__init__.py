@@ -105,12 +105,20 @@ class FamilyNames:
 
     def __init__(self, family: str):
         self._family = family
-        self._homes = {name: module for module, names in _FAMILIES[family].items() for name in names}
+        self._homes = {name: module for module, names in _FAMILIES.get(family, {}).items() for name in names}
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name not in self._homes:
-            raise AttributeError(f"occontrol.{self._family} has no '{name}'; there are: {', '.join(dir(self))}")
-        return getattr(importlib.import_module(f"occontrol.families.{self._family}.{self._homes[name]}"), name)
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name in self._homes:
+            return getattr(importlib.import_module(f"occontrol.families.{self._family}.{self._homes[name]}"), name)
+        from occontrol.families import find_family
+
+        family = find_family(self._family)
+        for kind in (*family.methods.values(), family.problem_type):  # also those that the table does not list
+            if kind.__name__ == name:
+                return kind
+        raise AttributeError(f"occontrol.{self._family} has no '{name}'; there are: {', '.join(dir(self))}")
 
     def __dir__(self) -> list[str]:
         return sorted(self._homes)
@@ -121,11 +129,14 @@ class FamilyNames:
 
 def __getattr__(name: str) -> Any:
     """The public object called `name`, imported now."""
-    if name in _FAMILIES:
-        return FamilyNames(name)
-    if name not in _HOMES:
-        raise AttributeError(f"module 'occontrol' has no attribute '{name}'")
-    return getattr(importlib.import_module(f"occontrol.{_HOMES[name]}"), name)
+    if name in _HOMES:
+        return getattr(importlib.import_module(f"occontrol.{_HOMES[name]}"), name)
+    if not name.startswith("_"):
+        from occontrol.families import names
+
+        if name in names():
+            return FamilyNames(name)
+    raise AttributeError(f"module 'occontrol' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:

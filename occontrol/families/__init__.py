@@ -64,9 +64,4 @@ def find_family(name: str) -> Family:
     """The family called `name`, imported now; UsageError for an unknown name."""
     if name not in FAMILIES:
         raise UsageError(f"there is no family '{name}'\n  hint: {suggest(str(name), FAMILIES)}")
-    module = importlib.import_module(FAMILIES[name][1])
-    if not hasattr(module, "FAMILY"):
-        from occontrol.families._adapter import adapted
-
-        return adapted(name, module)
-    return module.FAMILY
+    return importlib.import_module(FAMILIES[name][1]).FAMILY

@@ -20,8 +20,7 @@ from occontrol.files.plain_json import plain, to_json
 from occontrol.files.tables import write_measurements
 
 FAMILIES = names()
-ADAPTED = [name for name in FAMILIES if type(find_family(name)).__module__.endswith("_adapter")]  # not migrated yet
-# of the templates, so that every method takes a moment
+# of the templates that are too large for every method to take a moment
 SMALLER = {
     "athans": [("intervals: 200", "intervals: 24")],
     "vlambda": [("steps: 120", "steps: 30")],
@@ -47,7 +46,7 @@ METHODS_OF_ABILITY = {
 def text_of(family: str) -> str:
     """The family's template, made small."""
     text = template(family).read_text(encoding="utf-8")
-    for old, new in SMALLER[family]:
+    for old, new in SMALLER.get(family, []):
         assert text.count(old) == 1, old
         text = text.replace(old, new)
     return text
@@ -180,7 +179,7 @@ def test_a_gap_or_limit_that_makes_no_sense_is_refused_when_the_method_is_made(
     family: str, method: str, option: str, value: Any
 ) -> None:
     kind = find_family(family).methods[method]
-    if family in ADAPTED or option not in kind.__dataclass_fields__:
+    if option not in kind.__dataclass_fields__:
         return
     if option == "relative_gap" and value == 0:  # some searches are exact
         return
@@ -218,9 +217,8 @@ def test_what_is_declared_works_and_what_is_not_is_refused(
     family: str, ability: Ability, problems: dict[str, Any], solved
 ) -> None:
     found = find_family(family)
-    if family not in ADAPTED:
-        name = METHODS_OF_ABILITY[ability]
-        assert found.can(ability) == (getattr(type(found), name) is not getattr(Family, name))
+    name = METHODS_OF_ABILITY[ability]
+    assert found.can(ability) == (getattr(type(found), name) is not getattr(Family, name))
     if found.can(ability):
         assert CALLS[ability](problems[family], solved(family)) is not None
         return
@@ -237,7 +235,8 @@ def test_solve_certify_plot(family: str, problems: dict[str, Any], solved) -> No
         judged = oc.certify(problem, solution.schedule, find_family(family).claims_of(problem, solution))
         assert judged.status in (Status.FEASIBLE, Status.CERTIFIED)
         assert abs(judged.cost - solution.cost) <= 1e-9 * abs(solution.cost)
-        assert judged.certificate is not None and judged.certificate.lower_bound <= solution.cost * (1 + 1e-9)
+        if family != "vlambda":  # its template has a movable sensor, of which nothing is proven
+            assert judged.certificate is not None and judged.certificate.lower_bound <= solution.cost * (1 + 1e-9)
     drawn = oc.plot(solution)
     assert isinstance(drawn, dict) and drawn
     first = next(iter(drawn))

@@ -13,8 +13,8 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.family import Ability, Family
-from occontrol.families.precision.methods import Barrier, ClarabelRoute, Uniform
-from occontrol.families.precision.problem import Problem as Problem
+from occontrol.families.precision.methods import METHODS
+from occontrol.families.precision.problem import Problem
 from occontrol.families.precision.result import PrecisionResult
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class Precision(Family):
 
     name: ClassVar[str] = "precision"
     title: ClassVar[str] = "least sensor precision in ensemble and unscented filters (Das & Bhattacharya)"
-    methods: ClassVar[Mapping[str, type]] = {m.name: m for m in (Barrier, ClarabelRoute, Uniform)}
+    methods: ClassVar[Mapping[str, type]] = METHODS
     compared: ClassVar[Sequence[str]] = ("barrier", "clarabel", "uniform")
     abilities: ClassVar[frozenset[Ability]] = frozenset({Ability.SIMULATE, Ability.FILTER, Ability.COMPARE})
     problem_type: ClassVar[type] = Problem
@@ -110,13 +110,3 @@ class Precision(Family):
 
 
 FAMILY = Precision()
-
-# ---- module-level names for the rooms that do not ask for FAMILY yet; nothing in this family uses them -------------
-METHODS = FAMILY.methods
-COMPARE = list(FAMILY.compared)
-solve = FAMILY.solve
-describe = FAMILY.describe
-summarise = FAMILY.summarise
-simulate = FAMILY.simulate
-run_filter = FAMILY.run_filter
-# ---- end of the module-level names ---------------------------------------------------------------------------------

@@ -150,3 +150,6 @@ class Uniform(ProgramMethod):
             posterior=posterior,
             route="bisection",
         )
+
+
+METHODS: dict[str, type[ProgramMethod]] = {m.name: m for m in (Barrier, ClarabelRoute, Uniform)}

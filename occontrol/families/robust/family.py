@@ -14,16 +14,7 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.family import Ability, Family
-from occontrol.families.robust.methods import (
-    All,
-    BestSingle,
-    Fixed,
-    OneStep,
-    Optimal,
-    Random,
-    RelaxedShares,
-    RoundRobin,
-)
+from occontrol.families.robust.methods import METHODS
 from occontrol.families.robust.problem import Problem
 from occontrol.families.robust.result import SwitchingResult, sequence_of
 from occontrol.families.robust.slots import table_of
@@ -42,9 +33,7 @@ class Robust(Family):
 
     name: ClassVar[str] = "robust"
     title: ClassVar[str] = "switching against the worst admissible uncertainty (Savkin, Evans & Skafidas)"
-    methods: ClassVar[Mapping[str, type]] = {
-        m.name: m for m in (Optimal, OneStep, Fixed, All, RelaxedShares, BestSingle, RoundRobin, Random)
-    }
+    methods: ClassVar[Mapping[str, type]] = METHODS
     compared: ClassVar[Sequence[str]] = ("optimal", "one-step", "best-single", "round-robin", "random")
     abilities: ClassVar[frozenset[Ability]] = frozenset(
         {Ability.CERTIFY, Ability.SIMULATE, Ability.FILTER, Ability.ONLINE, Ability.COMPARE}
@@ -193,17 +182,3 @@ class Robust(Family):
 
 
 FAMILY = Robust()
-
-# ---- module-level names for the rooms that do not ask for FAMILY yet; nothing in this family uses them -------------
-METHODS = FAMILY.methods
-COMPARE = list(FAMILY.compared)
-solve = FAMILY.solve
-describe = FAMILY.describe
-summarise = FAMILY.summarise
-certify = FAMILY.certify
-claims_of = FAMILY.claims_of
-simulate = FAMILY.simulate
-run_filter = FAMILY.run_filter
-online = FAMILY.online
-truth_remark = FAMILY.truth_remark
-# ---- end of the module-level names ---------------------------------------------------------------------------------

@@ -176,3 +176,8 @@ class RelaxedShares(SwitchingMethod):
             relative_gap=self.relative_gap,
             monitor=monitor,
         )
+
+
+METHODS: dict[str, type[SwitchingMethod]] = {
+    m.name: m for m in (Optimal, OneStep, Fixed, All, RelaxedShares, BestSingle, RoundRobin, Random)
+}

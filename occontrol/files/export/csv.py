@@ -35,7 +35,7 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
     folder, before = (target.parent, f"{target.stem}_") if single else (target, "")
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    schedule = getattr(solution.numbers, "schedule", None)
+    schedule = solution.result.get("schedule")
     if schedule:
         written.append(_schedule(schedule, target if single else folder / "schedule.csv"))
     arrays = solution.arrays

@@ -27,7 +27,7 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
         "family": problem.family,
         "method": solution.method,
         "sensors": getattr(getattr(problem, "sensors", None), "names", None),
-        "schedule": getattr(solution.numbers, "schedule", None),
+        "schedule": solution.result.get("schedule"),
         "result": {key: value for key, value in solution.result.items() if key != "schedule"},
         "arrays": dict(solution.arrays),
         "filter": dict(tables),

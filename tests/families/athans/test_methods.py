@@ -7,14 +7,15 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from occontrol.api import certify, solve
 from occontrol.core.errors import ProblemError
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Status
-from occontrol.families.athans.family import METHODS, certify, solve
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.methods import (
+    METHODS,
     BestSingle,
     Collocation,
     Greedy,

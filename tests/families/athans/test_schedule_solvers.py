@@ -5,14 +5,14 @@ import itertools
 import numpy as np
 import pytest
 
+from occontrol.api import solve
 from occontrol.core.claims import Claims, false_claims
 from occontrol.core.monitor import Monitor
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.solution import Status
 from occontrol.families.athans.discretise import discretise, feasible_set
-from occontrol.families.athans.family import METHODS, solve
-from occontrol.families.athans.methods import HMinimal, Relaxed, RelaxRoundPolish
+from occontrol.families.athans.methods import METHODS, HMinimal, Relaxed, RelaxRoundPolish
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling import baselines
 from occontrol.scheduling.hminimal import h_minimal, polish
