@@ -5,178 +5,128 @@
     solution = oc.solve(problem)
     solution.certificate.relative_gap
 
-The names below are looked up when they are first used, so that the import itself is quick.
+Problems and methods of a family are found below its name: oc.robust.Optimal(), oc.vlambda.Random(). A name that only
+one family has is found here as well: oc.Eigenspace(). A name that several families have, as Random, is here that of
+athans, and not here at all where athans has none. Everything is looked up when it is first used, so that the import
+itself is quick.
 """
 
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from occontrol.api import certify, plot, run_filter, simulate, solve, tradeoff
-    from occontrol.core.errors import (
-        FileAccessError,
-        InfeasibleError,
-        OccontrolError,
-        ProblemError,
-        SolveFailed,
-        UsageError,
-    )
-    from occontrol.core.measurement import Estimate, Measurement
-    from occontrol.core.monitor import Monitor
-    from occontrol.core.plant import DiscretePlant, LinearPlant
-    from occontrol.core.schedule import Schedule
-    from occontrol.core.sensor import Sensor, SensorSuite, idle_sensor
-    from occontrol.core.solution import Certificate, Solution, Status
-    from occontrol.core.trajectory import Trajectory
-    from occontrol.families.athans.filter.online import MatchedFilter
-    from occontrol.families.athans.methods import (
-        BestSingle,
-        Collocation,
-        Greedy,
-        HMinimal,
-        Random,
-        Relaxed,
-        RelaxRoundPolish,
-        RoundRobin,
-    )
-    from occontrol.families.athans.problem import SchedulingProblem
-    from occontrol.families.hybrid.guard import Guard, Threshold
-    from occontrol.families.hybrid.plant import JumpPlant, Mode
-    from occontrol.families.hybrid.sensor import JumpSensor
-    from occontrol.families.precision.ensemble import EnsembleFilter
-    from occontrol.families.precision.measurement import NonlinearMeasurement
-    from occontrol.families.precision.plant import NonlinearPlant
-    from occontrol.families.precision.unscented import UnscentedFilter
-    from occontrol.families.robust.online import OnlineSwitching
-    from occontrol.families.robust.plant import UncertainPlant
-    from occontrol.families.robust.problem import SwitchingProblem
-    from occontrol.families.vlambda.online import OnlineSelector
-    from occontrol.families.vlambda.problem import SelectionProblem
-    from occontrol.families.vlambda.sensor import DiscreteSensor, Region
-    from occontrol.files.data_files import read_measurements, read_schedule
-    from occontrol.files.export import export_run
-    from occontrol.files.problem_file import read_problem
-    from occontrol.files.run_folder import read_run, write_run
+from collections.abc import Mapping
+from typing import Any
 
 # module: the public names that it holds
-_HOME = {
+_COMMON: Mapping[str, tuple[str, ...]] = {
+    "api": (
+        "certify", "document", "export_run", "json_schema", "online", "plot", "read_measurements", "read_problem",
+        "read_run", "read_schedule", "run_filter", "simulate", "solve", "tradeoff", "write_run",
+    ),
     "core.errors": (
-        "OccontrolError",
-        "ProblemError",
-        "UsageError",
-        "InfeasibleError",
-        "SolveFailed",
-        "FileAccessError",
+        "FileAccessError", "InfeasibleError", "OccontrolError", "ProblemError", "SolveFailed", "UsageError",
     ),
-    "core.measurement": ("Measurement", "Estimate"),
+    "core.measurement": ("Estimate", "Measurement"),
     "core.monitor": ("Monitor",),
-    "core.plant": ("LinearPlant", "DiscretePlant"),
+    "core.plant": ("DiscretePlant", "LinearPlant"),
     "core.schedule": ("Schedule",),
-    "families.athans.problem": ("SchedulingProblem",),
-    "families.vlambda.sensor": ("DiscreteSensor", "Region"),
     "core.sensor": ("Sensor", "SensorSuite", "idle_sensor"),
-    "core.solution": ("Solution", "Certificate", "Status"),
+    "core.solution": ("Certificate", "Solution", "Status"),
     "core.trajectory": ("Trajectory",),
-    "families.robust.plant": ("UncertainPlant",),
-    "families.hybrid.plant": ("JumpPlant", "Mode"),
-    "families.hybrid.sensor": ("JumpSensor",),
-    "families.hybrid.guard": ("Guard", "Threshold"),
-    "families.precision.plant": ("NonlinearPlant",),
-    "families.precision.measurement": ("NonlinearMeasurement",),
-    "families.precision.ensemble": ("EnsembleFilter",),
-    "families.precision.unscented": ("UnscentedFilter",),
-    "families.robust.problem": ("SwitchingProblem",),
-    "families.robust.online": ("OnlineSwitching",),
-    "families.vlambda.problem": ("SelectionProblem",),
-    "api": ("solve", "certify", "simulate", "run_filter", "tradeoff", "plot"),
-    "families.athans.filter.online": ("MatchedFilter",),
-    "families.vlambda.online": ("OnlineSelector",),
-    "families.athans.methods": (
-        "RelaxRoundPolish",
-        "HMinimal",
-        "Relaxed",
-        "Collocation",
-        "BestSingle",
-        "RoundRobin",
-        "Random",
-        "Greedy",
-    ),
-    "files.problem_file": ("read_problem",),
-    "files.data_files": ("read_schedule", "read_measurements"),
-    "files.run_folder": ("read_run", "write_run"),
-    "files.export": ("export_run",),
-}
-_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+}  # fmt: skip
+# family: {module of it: the public names that it holds}; athans first, its names are never hidden by another's
+_FAMILIES: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "athans": {
+        "problem": ("SchedulingProblem",),
+        "methods": (
+            "BestSingle", "Collocation", "Greedy", "HMinimal", "Random", "Relaxed", "RelaxRoundPolish", "RoundRobin",
+        ),
+        "filter.online": ("MatchedFilter",),
+    },
+    "vlambda": {
+        "problem": ("SelectionProblem",),
+        "methods": ("Eigenspace", "Fixed", "Lookahead", "Optimal", "Random", "RoundRobin", "Trace"),
+        "sensor": ("DiscreteSensor", "Region"),
+        "online": ("OnlineSelector",),
+    },
+    "hybrid": {
+        "problem": ("JumpProblem",),
+        "methods": ("Alternate", "ExpectedCovariance", "Fixed", "Random", "Scheduled"),
+        "plant": ("JumpPlant", "Mode"),
+        "sensor": ("JumpSensor",),
+        "guard": ("Guard", "Threshold"),
+    },
+    "precision": {
+        "problem": ("PrecisionProblem",),
+        "methods": ("Barrier", "ClarabelRoute", "Uniform"),
+        "plant": ("NonlinearPlant",),
+        "measurement": ("NonlinearMeasurement",),
+        "ensemble": ("EnsembleFilter",),
+        "unscented": ("UnscentedFilter",),
+    },
+    "robust": {
+        "problem": ("SwitchingProblem",),
+        "methods": (
+            "All", "BestSingle", "Fixed", "OneStep", "Optimal", "Random", "RelaxedShares", "RoundRobin",
+        ),
+        "plant": ("UncertainPlant",),
+        "online": ("OnlineSwitching",),
+    },
+}  # fmt: skip
 
-__all__ = [
-    "BestSingle",
-    "Certificate",
-    "Collocation",
-    "DiscretePlant",
-    "DiscreteSensor",
-    "EnsembleFilter",
-    "Estimate",
-    "FileAccessError",
-    "Greedy",
-    "Guard",
-    "HMinimal",
-    "InfeasibleError",
-    "JumpPlant",
-    "JumpSensor",
-    "LinearPlant",
-    "MatchedFilter",
-    "Measurement",
-    "Mode",
-    "Monitor",
-    "NonlinearMeasurement",
-    "NonlinearPlant",
-    "OccontrolError",
-    "OnlineSelector",
-    "OnlineSwitching",
-    "ProblemError",
-    "Random",
-    "Region",
-    "RelaxRoundPolish",
-    "Relaxed",
-    "RoundRobin",
-    "Schedule",
-    "SchedulingProblem",
-    "SelectionProblem",
-    "Sensor",
-    "SensorSuite",
-    "Solution",
-    "SolveFailed",
-    "Status",
-    "SwitchingProblem",
-    "Threshold",
-    "Trajectory",
-    "UncertainPlant",
-    "UnscentedFilter",
-    "UsageError",
-    "certify",
-    "export_run",
-    "idle_sensor",
-    "plot",
-    "read_measurements",
-    "read_problem",
-    "read_run",
-    "read_schedule",
-    "run_filter",
-    "simulate",
-    "solve",
-    "tradeoff",
-    "write_run",
-]
+
+def _homes() -> dict[str, str]:
+    """Every name found at the top, with its module, by the rule in the docstring above."""
+    homes = {name: module for module, names in _COMMON.items() for name in names}
+    owned = [
+        (name, family, module)
+        for family, modules in _FAMILIES.items()
+        for module, names in modules.items()
+        for name in names
+    ]
+    everyone = [name for name, _, _ in owned]
+    for name, family, module in owned:
+        if family == "athans" or everyone.count(name) == 1:
+            homes[name] = f"families.{family}.{module}"
+    return homes
+
+
+_HOMES = _homes()
+__all__ = sorted(_HOMES)
+
+
+class FamilyNames:
+    """The public names of one family, each imported when it is first used.
+
+    Parameters
+    ----------
+    family : its name
+    """
+
+    def __init__(self, family: str):
+        self._family = family
+        self._homes = {name: module for module, names in _FAMILIES[family].items() for name in names}
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in self._homes:
+            raise AttributeError(f"occontrol.{self._family} has no '{name}'; there are: {', '.join(dir(self))}")
+        return getattr(importlib.import_module(f"occontrol.families.{self._family}.{self._homes[name]}"), name)
+
+    def __dir__(self) -> list[str]:
+        return sorted(self._homes)
+
+    def __repr__(self) -> str:
+        return f"<the problems and methods of family {self._family}>"
 
 
 def __getattr__(name: str) -> Any:
     """The public object called `name`, imported now."""
-    if name not in _MODULE_OF:
+    if name in _FAMILIES:
+        return FamilyNames(name)
+    if name not in _HOMES:
         raise AttributeError(f"module 'occontrol' has no attribute '{name}'")
-    return getattr(importlib.import_module(f"occontrol.{_MODULE_OF[name]}"), name)
+    return getattr(importlib.import_module(f"occontrol.{_HOMES[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted([*__all__, *_FAMILIES])

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.api import read_problem
 from occontrol.families.hybrid.methods import Scheduled
 from occontrol.families.hybrid.monte_carlo import monte_carlo, run_some
 from occontrol.families.hybrid.problem import Problem
 from occontrol.families.hybrid.runs import experiment
-from occontrol.files.problem_file import read_problem
 
 PROBLEM = Path(__file__).parents[1] / "problems" / "turning_target.yaml"
 

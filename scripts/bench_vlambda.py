@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.api import read_problem
 from occontrol.families.vlambda.candidates import candidate_set
 from occontrol.families.vlambda.family import FAMILY
 from occontrol.families.vlambda.filter import EigenfactorFilter
 from occontrol.families.vlambda.methods import Optimal
 from occontrol.families.vlambda.sequence_search import SequenceProblem, search
-from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 REPEATS = 5

@@ -65,8 +65,8 @@ def row(name: str, problem, method: str, solution: Solution | str) -> list[str]:
 
 def main() -> None:
     """Fill the table."""
+    from occontrol.api import read_problem
     from occontrol.families.athans.family import METHODS
-    from occontrol.files.problem_file import read_problem
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("problems", nargs="*", default=athans_problems())

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from occontrol.api import read_problem
 from occontrol.core.errors import FileAccessError, InfeasibleError, ProblemError
-from occontrol.files.problem_file import read_problem
 
 BASE = """\
 family: athans

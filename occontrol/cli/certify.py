@@ -10,8 +10,6 @@ import typer
 from occontrol.cli.output import note, print_json, print_pairs
 from occontrol.cli.solve import JsonFlag
 
-TASK = ("certify", "certify schedules")
-
 
 def certify(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Problem file, or a run folder.", show_default=False)],
@@ -26,19 +24,16 @@ def certify(
     """Recompute cost, lower bound and gap of a schedule from the problem alone."""
     from dataclasses import replace
 
-    from occontrol.api import ability
     from occontrol.api import certify as call_certify
+    from occontrol.api import read_problem, read_run, read_schedule, require
     from occontrol.core.errors import ProblemError, UsageError
     from occontrol.core.solution import Status
-    from occontrol.families import family_module
-    from occontrol.files.data_files import read_schedule
-    from occontrol.files.problem_file import read_problem
-    from occontrol.files.run_folder import read_run
+    from occontrol.families.family import Ability
 
     claims, listed = None, True
     if file.is_dir():
         problem, recorded = read_run(file)
-        ability(problem, *TASK)
+        family = require(problem, Ability.CERTIFY)
         given = recorded.schedule if schedule is None else read_schedule(schedule, problem)
         run = file if schedule is None else None
     else:
@@ -47,7 +42,8 @@ def certify(
                 "certify needs a schedule\n  hint: occontrol certify FILE SCHEDULE, or occontrol certify RUN"
             )
         problem = read_problem(file)
-        ability(problem, *TASK)  # a family without bounds is a usage mistake, whatever the schedule is
+        # a family without bounds is a usage mistake, whatever the schedule is
+        family = require(problem, Ability.CERTIFY)
         given = read_schedule(schedule, problem)
         run = schedule if schedule.is_dir() else None
         recorded = None
@@ -55,8 +51,7 @@ def certify(
             solved, recorded = read_run(run)
             # what a run says of its schedule is about its own problem only
             run = run if _same(problem, solved) else None
-    family = family_module(problem.family)
-    if run is not None and recorded is not None and given is not None and hasattr(family, "claims_of"):
+    if run is not None and recorded is not None and given is not None:
         claims, listed = family.claims_of(problem, recorded), _is_listed(run, problem, recorded.schedule)
     if given is None:
         raise UsageError(f"the run of family {problem.family} holds no schedule that could be certified")
@@ -82,7 +77,7 @@ def certify(
 
 def _same(one: Any, other: Any) -> bool:
     """Whether two problems ask the same; how they are named and solved does not matter."""
-    from occontrol.files.problem_file import document
+    from occontrol.api import document
 
     asks = [{k: v for k, v in document(p).items() if k not in ("name", "method", "expect")} for p in (one, other)]
     return asks[0] == asks[1]
@@ -92,8 +87,8 @@ def _is_listed(run: Path, problem: Any, schedule: Any) -> bool:
     """Whether the schedule that result.json lists for the eye is that of the arrays."""
     import numpy as np
 
+    from occontrol.api import read_schedule
     from occontrol.core.errors import ProblemError
-    from occontrol.files.data_files import read_schedule
 
     try:
         listed = read_schedule(run / "result.json", problem)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from occontrol.core.solution import Solution
 
 ERROR = "_standard_error"
+GROUPS = ("continuous",)  # numbers that belong together
 
 
 def compare(
@@ -26,19 +27,20 @@ def compare(
     json: JsonFlag = False,
 ) -> int:
     """Solve one problem with several methods and set them side by side."""
-    from occontrol.api import choose_method
+    from occontrol.api import choose_method, family_of, read_problem
     from occontrol.cli.watch import exit_code, watched
     from occontrol.core.errors import SolveFailed, UsageError
     from occontrol.core.monitor import Monitor
-    from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import check_writable
 
     folder = out or Path("runs") / f"{file.stem}-compare"
     problem = read_problem(file)
+    family = family_of(problem)
     check_writable(folder)
-    names = _default_names(problem) if methods is None else [m.strip() for m in methods.split(",") if m.strip()]
+    usual = family.compare_names(problem)
+    names = usual if methods is None else [m.strip() for m in methods.split(",") if m.strip()]
     if not names:
-        example = ",".join(_default_names(problem)[:3])
+        example = ",".join(usual[:3])
         raise UsageError(f"--methods names no method\n  hint: for example --methods {example}")
     for name in names:
         choose_method(problem, name)  # an unknown name is found before any work
@@ -59,7 +61,7 @@ def compare(
         if json:
             print_json({"problem": problem.name, "family": problem.family, "methods": rows, "failed": failed})
         else:
-            _print(rows, _columns(problem))
+            _print(rows, family.columns)
         for name, text in failed.items():
             note(f"{name}: {text}")
         if solutions:
@@ -78,19 +80,6 @@ def _outcome(solutions: dict[str, Solution]) -> int:
     return codes[0] if codes else 6
 
 
-def _columns(problem: Any) -> Sequence[str]:
-    from occontrol.families import family_module
-
-    return getattr(family_module(problem.family), "COLUMNS", ())
-
-
-def _default_names(problem: Any) -> list[str]:
-    from occontrol.families import family_module
-
-    module = family_module(problem.family)
-    return list(module.compare_names(problem) if hasattr(module, "compare_names") else module.COMPARE)
-
-
 def comparison(solutions: dict[str, Solution]) -> list[dict[str, Any]]:
     """One record per method; every cost is measured against the best bound that any of them proved.
 
@@ -102,19 +91,20 @@ def comparison(solutions: dict[str, Solution]) -> list[dict[str, Any]]:
     best = max(bounds, default=None)
     rows = []
     for name, solution in solutions.items():
-        result = solution.result
-        cost = result.get("cost")
+        numbers = solution.numbers
+        cost = getattr(numbers, "cost", None)
         record: dict[str, Any] = {"method": name, "status": str(solution.status), "cost": cost}
-        record["lower_bound"] = result.get("lower_bound")
+        record["lower_bound"] = getattr(numbers, "lower_bound", None)
         if best is not None and isinstance(cost, int | float) and cost:
             record["gap_to_best_bound"] = (cost - best) / abs(cost)
-        continuous = result.get("continuous")
-        if isinstance(continuous, dict):
-            record["continuous"] = continuous
-        numbers = {
-            k: v for k, v in result.items() if isinstance(v, int | float) and k not in record and k != "relative_gap"
-        }
-        rows.append({**record, **numbers, "iterations": solution.iterations, "seconds": solution.seconds})
+        # whatever else the family reports as a number, or as several that belong together
+        for key, value in solution.result.items():
+            if key in GROUPS and isinstance(value, dict):
+                record[key] = value
+        for key, value in solution.result.items():
+            if isinstance(value, int | float) and key not in record and key != "relative_gap":
+                record[key] = value
+        rows.append({**record, "iterations": solution.iterations, "seconds": solution.seconds})
     return rows
 
 
@@ -156,8 +146,9 @@ def _print(rows: list[dict[str, Any]], named: Sequence[str] = ()) -> None:
 
 
 def _write(folder: Path, problem: Any, solutions: dict[str, Solution], rows: list[dict[str, Any]], quiet: bool) -> None:
+    from occontrol.api import compare_figure
     from occontrol.core.errors import FileAccessError
-    from occontrol.files.figures import compare_figure, save
+    from occontrol.files.figures import save
     from occontrol.files.plain_json import to_json
 
     try:

@@ -18,12 +18,8 @@ def export(
     ] = None,
 ) -> int:
     """Write schedule, gains, covariance and the rest of a run for another tool."""
-    from occontrol.api import suggest
-    from occontrol.core.errors import UsageError
-    from occontrol.files.export import FORMATS, export_run
+    from occontrol.api import export_run
 
-    if to not in FORMATS:
-        raise UsageError(f"there is no format '{to}'\n  hint: {suggest(to, FORMATS)}")
     for path in export_run(run, to, out):
         print(path)
     return 0

@@ -30,11 +30,8 @@ def filter_measurements(
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw pictures beside the CSV.")] = True,
 ) -> int:
     """Estimate the state, and predict the output, from a file of measurements; the run folder is all it needs."""
-    from occontrol.api import run_filter
+    from occontrol.api import family_of, read_measurements, read_run, run_filter
     from occontrol.core.errors import ProblemError
-    from occontrol.families import family_module
-    from occontrol.files.data_files import read_measurements
-    from occontrol.files.run_folder import read_run
     from occontrol.files.tables import write_estimate
     from occontrol.files.truth_file import read_truth
 
@@ -52,8 +49,7 @@ def filter_measurements(
     for remark in estimate.notes:
         note(remark)
     if known is not None:
-        judge = getattr(family_module(problem.family), "truth_remark", _truth_remark)
-        note(judge(estimate, known, source))
+        note(family_of(problem).truth_remark(estimate, known, source))
     written = _draw(problem, solution, estimate, known, out) if figures else []
     note(f"{len(estimate.times)} estimates in {out}" + (f", pictures in {', '.join(written)}" if written else ""))
     return 0
@@ -66,22 +62,9 @@ def _in_file(mistake: Any, file: Path) -> Any:
     return replace(mistake, place=mistake.place or str(file))
 
 
-def _truth_remark(estimate: Any, truth: Trajectory, source: Any) -> str:
-    from occontrol.families.athans.filter.consistency import judge_run
-
-    judged = judge_run(estimate, truth)
-    if not judged.degrees.any():
-        return f"NEES against {source}: none, the covariance is zero throughout"
-    average = float(judged.nees.sum() / judged.degrees.sum())
-    low, high = judged.nees_band
-    return (
-        f"NEES against {source}: {average:.4g} per state on average; the 99 % band of a "
-        f"single time is [{low:.3g}, {high:.3g}], {100 * judged.nees_inside:.0f} % of the times lie inside"
-    )
-
-
 def _draw(problem: Any, solution: Any, estimate: Any, truth: Trajectory | None, out: Path) -> list[str]:
-    from occontrol.files.figures import estimate_figures, save
+    from occontrol.api import estimate_figures
+    from occontrol.files.figures import save
 
     try:
         drawn = estimate_figures(problem, solution, estimate, truth)

@@ -18,15 +18,9 @@ FamilyName = Annotated[
 
 def list_all() -> int:
     """Show the families, their methods, and example problems."""
-    from occontrol.families import FAMILIES, family_module
+    from occontrol.families import find_family, names, title
 
-    rows = []
-    for name, meaning in FAMILIES.items():
-        try:
-            methods = ", ".join(family_module(name).METHODS)
-        except ModuleNotFoundError:
-            methods = "(not available yet)"
-        rows.append((name, meaning, methods))
+    rows = [(name, title(name), ", ".join(find_family(name).methods)) for name in names()]
     print_table(("family", "what it does", "methods, the default first"), rows)
     examples = _examples()
     if examples:
@@ -61,19 +55,14 @@ def init(
     ] = None,
 ) -> int:
     """Write a commented problem file that solves as it stands; never over an existing file."""
-    from occontrol.api import suggest
-    from occontrol.core.errors import FileAccessError, UsageError
-    from occontrol.families import FAMILIES
+    from occontrol.core.errors import FileAccessError
+    from occontrol.families import find_family, template
 
-    if family not in FAMILIES:
-        raise UsageError(f"there is no family '{family}'\n  hint: {suggest(family, FAMILIES)}")
-    template = Path(__file__).parents[1] / "families" / family / "template.yaml"
-    if not template.exists():
-        raise UsageError(f"there is no template for family {family} yet")
+    source = template(find_family(family).name)
     target = file or Path(f"{family}.yaml")
     try:
         with open(target, "x", encoding="utf-8") as out:
-            out.write(template.read_text(encoding="utf-8"))
+            out.write(source.read_text(encoding="utf-8"))
     except FileExistsError:
         raise FileAccessError(f"{target} exists already, it was left as it is\n  hint: name another file") from None
     print(f"{target} written; next: occontrol solve {target}")
@@ -82,13 +71,10 @@ def init(
 
 def check(file: ProblemFile) -> int:
     """Validate a problem file and show what it says, without solving it."""
-    from occontrol.families import family_module
-    from occontrol.files.problem_file import read_problem
+    from occontrol.api import family_of, read_problem
 
     problem = read_problem(file)
-    print_pairs(
-        [("problem", f"{problem.name} (family {problem.family})"), *family_module(problem.family).describe(problem)]
-    )
-    if hasattr(problem, "require_feasible"):
-        problem.require_feasible()
+    family = family_of(problem)
+    print_pairs([("problem", f"{problem.name} (family {family.name})"), *family.describe(problem)])
+    family.require_feasible(problem)
     return 0

@@ -30,10 +30,10 @@ def solve(
 
     Ctrl-C once keeps the best so far, twice aborts.
     """
+    from occontrol.api import choose_method, read_problem
     from occontrol.cli.watch import exit_code, watched
     from occontrol.core.errors import FileAccessError, InfeasibleError, SolveFailed
     from occontrol.core.solution import Status
-    from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import check_writable
 
     folder = default_folder(file) if out is None else out
@@ -44,7 +44,7 @@ def solve(
             solution = run_method(problem, method, monitor)
         except (InfeasibleError, SolveFailed) as error:
             if json:
-                name = method or _method_of(problem)
+                name = choose_method(problem, method).name
                 print_json(
                     {"family": problem.family, "status": _status_of(error), "message": str(error), "method": name}
                 )
@@ -94,9 +94,8 @@ def run_method(problem: Any, name: str | None, monitor: Watched) -> Solution:
     from occontrol.api import choose_method
     from occontrol.api import solve as call_solve
 
-    method = None if name is None else choose_method(problem, name)
-    options = method if method is not None else getattr(problem, "method", None)
-    monitor.target = getattr(options, "relative_gap", None)
+    method = choose_method(problem, name)
+    monitor.target = getattr(method, "relative_gap", None)
     return call_solve(problem, method, monitor)
 
 
@@ -112,25 +111,15 @@ def write_with_figures(folder: Path, problem: Any, solution: Solution, figures: 
 
     A picture that cannot be drawn is announced; it never costs the user the result.
     """
-    from occontrol.files.run_folder import write_run
+    from occontrol.api import write_report, write_run
 
     def draw(stage: Path, content: dict) -> None:
-        from occontrol.files.report import write_pictures_and_report
-
         try:
-            write_pictures_and_report(stage, problem, solution, content)
+            write_report(stage, problem, solution, content)
         except (ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RuntimeError) as error:
             note(f"the figures could not be drawn: {type(error).__name__}: {error}")
 
     return write_run(folder, problem, solution, draw if figures else None)
-
-
-def _method_of(problem: Any) -> str:
-    """The name of the problem's own method, or of its family's default."""
-    from occontrol.families import family_module
-
-    own = getattr(problem, "method", None)
-    return own.name if own is not None else next(iter(family_module(problem.family).METHODS))
 
 
 def _status_of(error: Exception) -> str:
@@ -140,10 +129,10 @@ def _status_of(error: Exception) -> str:
 
 
 def _print_summary(problem: Any, solution: Solution, folder: Path | None) -> None:
-    from occontrol.families import family_module
+    from occontrol.api import family_of
 
     pairs = [("status", f"{solution.status}: {solution.message or solution.status.text}")]
-    pairs += family_module(problem.family).summarise(problem, solution)
+    pairs += family_of(problem).summarise(problem, solution)
     if folder is not None:
         pairs.append(("written", f"{folder}/"))
     print_pairs(pairs)

@@ -23,10 +23,9 @@ def tradeoff(
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the figures.")] = True,
 ) -> int:
     """Solve over a range of cost weights alpha: what a better prediction costs."""
+    from occontrol.api import family_of, read_problem
     from occontrol.api import tradeoff as trace
     from occontrol.cli.watch import exit_code, watched
-    from occontrol.families.athans.front_folder import write_front
-    from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import check_writable
 
     values = spaced(weights)
@@ -36,7 +35,7 @@ def tradeoff(
     with watched() as monitor:
         front = trace(problem, values, monitor)
     content = front.as_dict()
-    write_front(folder, front, content, figures)
+    family_of(problem).write_tradeoff(folder, front, figures)
     if json:
         print_json(content)
     else:

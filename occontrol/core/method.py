@@ -23,7 +23,7 @@ class Method(Protocol):
 
     def check(self, problem: Any) -> Sequence[Mistake]:
         """What is wrong with these options for `problem`, paths below `method`; empty when they fit."""
-        ...
+        return ()
 
     def run(self, problem: Any, *arguments: Any) -> Any:
         """Run on `problem`; what else goes in and what comes out is the family's business."""
@@ -31,7 +31,11 @@ class Method(Protocol):
 
 
 def check_options(
-    method: Any, positive: Sequence[str] = (), at_least: dict[str, float] | None = None, one_of: dict | None = None
+    method: Any,
+    positive: Sequence[str] = (),
+    at_least: dict[str, float] | None = None,
+    one_of: dict | None = None,
+    whole: dict[str, int] | None = None,
 ) -> None:
     """Refuse options that no problem can make sense of; called in `__post_init__` of a method.
 
@@ -41,6 +45,7 @@ def check_options(
     positive : names of options that must be finite numbers above zero (None is 'left out' and passes)
     at_least : option name: smallest value (None passes)
     one_of : option name: the values that it may have
+    whole : option name: smallest value, of options that must be whole numbers (None passes)
 
     Raises ProblemError naming every wrong option.
     """
@@ -57,6 +62,10 @@ def check_options(
         value = getattr(method, name)
         if value is not None and not (_is_number(value) and value >= low):
             add(name, f"a number of at least {low:g}")
+    for name, low in (whole or {}).items():
+        value = getattr(method, name)
+        if value is not None and not (isinstance(value, int) and _is_number(value) and value >= low):
+            add(name, f"a whole number of at least {low}")
     for name, allowed in (one_of or {}).items():
         if getattr(method, name) not in allowed:
             add(name, "one of: " + ", ".join(str(a) for a in allowed))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 
 class ResultData:
@@ -13,6 +13,10 @@ class ResultData:
     Fields keep the order of the file. A field whose metadata has `optional` is left out of `as_dict` when it is None;
     a field called `extra` is a mapping of further entries, put in where it stands.
     """
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
 
     def as_dict(self) -> dict[str, Any]:
         """The family's part of result.json, in the order of the fields."""
@@ -36,3 +40,21 @@ class ResultData:
         if any(f.name == "extra" for f in dataclasses.fields(cls)):  # type: ignore[arg-type]
             known["extra"] = {k: v for k, v in content.items() if k not in fields}
         return cls(**known)
+
+
+@dataclasses.dataclass(frozen=True)
+class PlainResult(ResultData):
+    """Entries of a result.json that no family has given its own type yet; they are attributes, too.
+
+    Parameters
+    ----------
+    extra : the entries by name
+    """
+
+    extra: Mapping[str, Any]
+
+    def __getattr__(self, name: str) -> Any:
+        entries = self.__dict__.get("extra", {})
+        if name not in entries:
+            raise AttributeError(f"the result has no '{name}'")
+        return entries[name]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import enum
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from occontrol.core.result import ResultData
+from occontrol.core.monitor import Monitor
+from occontrol.core.result import PlainResult, ResultData
 from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
 
@@ -95,14 +98,13 @@ class Solution:
     status, message : how it ended, in the vocabulary of `Status`
     iterations : int
     seconds : wall time of the solve
-    result : the family's plain numbers, as in result.json (cost, lower_bound, schedule, ...)
+    numbers : the family's frozen result (cost, lower_bound, schedule, ...); `result` shows the same by name
     arrays : the family's arrays, as in arrays.npz
     schedule : Schedule or None
     certificate : Certificate of the discretised problem, or None
     history : one record per reported iteration: {iteration, cost, lower_bound, seconds}
     versions : of this package and of the libraries below it
     problem : the problem that was solved, so that a solution can be drawn and filtered by itself
-    numbers : `result` as the family's own dataclass; None where a run was read from a folder
     """
 
     family: str
@@ -111,14 +113,21 @@ class Solution:
     message: str
     iterations: int
     seconds: float
-    result: Mapping[str, Any] = field(default_factory=dict)
+    numbers: ResultData = field(default_factory=lambda: PlainResult({}))
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
     schedule: Schedule | None = None
     certificate: Certificate | None = None
     history: tuple[Mapping[str, float], ...] = ()
     versions: Mapping[str, str] = field(default_factory=lambda: versions())
     problem: Any = field(default=None, repr=False)
-    numbers: ResultData | None = field(default=None, repr=False)
+
+    @cached_property
+    def result(self) -> Mapping[str, Any]:
+        """What result.json holds of the family's numbers, by name and read-only: solution.result["cost"]."""
+        return MappingProxyType(self.numbers.as_dict())
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "result"}  # a view does not pickle
 
     @property
     def covariance(self) -> Trajectory:
@@ -127,8 +136,8 @@ class Solution:
 
     @property
     def cost(self) -> float:
-        """The cost of the discretised problem."""
-        return float(self.result["cost"])
+        """The cost of the discretised problem; AttributeError for families whose result has none."""
+        return float(self.numbers.cost)
 
     def as_dict(self) -> dict[str, Any]:
         """The content of result.json."""
@@ -139,10 +148,55 @@ class Solution:
             "method": self.method,
             "iterations": self.iterations,
             "seconds": self.seconds,
-            **self.result,
+            **self.numbers.as_dict(),
             "history": [dict(record) for record in self.history],
             "versions": dict(self.versions),
         }
+
+
+def make_solution(
+    *,
+    problem: Any,
+    method: str,
+    status: Status,
+    message: str,
+    numbers: ResultData,
+    monitor: Monitor,
+    began: float,
+    iterations: int = 0,
+    arrays: Mapping[str, np.ndarray] | None = None,
+    schedule: Schedule | None = None,
+    certificate: Certificate | None = None,
+) -> Solution:
+    """The Solution of one method on one problem, the same way in every family.
+
+    Parameters
+    ----------
+    problem : what was solved
+    method : its name
+    status, message : how it ended
+    numbers : the family's result
+    monitor : what watched the method; its history goes with the solution
+    began : time.perf_counter() at the start
+    iterations : of the method, in whatever it counts
+    arrays : what arrays.npz will hold, by name
+    schedule : on which the numbers are, if there is one
+    certificate : cost and proven bound, if there is one
+    """
+    return Solution(
+        family=problem.family,
+        method=method,
+        status=status,
+        message=message,
+        iterations=iterations,
+        seconds=time.perf_counter() - began,
+        numbers=numbers,
+        arrays=arrays or {},
+        schedule=schedule,
+        certificate=certificate,
+        history=tuple(monitor.history),
+        problem=problem,
+    )
 
 
 @lru_cache(maxsize=1)

@@ -10,10 +10,11 @@ import enum
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
 
-from occontrol.core.errors import UsageError
+from occontrol.core.errors import Mistake, UsageError
 from occontrol.core.method import Method, options_in_common
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from types import ModuleType
 
     from matplotlib.figure import Figure
@@ -47,6 +48,7 @@ class Family(Protocol):
     compared : the method names that `compare` runs when none are given
     columns : the numbers of a result that the table of `compare` shows; empty: cost, bound and gap
     abilities : what it can do beside solve, describe, summarise and draw
+    filter_options : the options that `run_filter` takes by name
     problem_type : the frozen dataclass of its problems (with `name`, `family`, `method`)
     result_type : the frozen dataclass of its results, with `as_dict` and `from_dict` (core/result.py)
     """
@@ -57,6 +59,7 @@ class Family(Protocol):
     compared: ClassVar[Sequence[str]]
     columns: ClassVar[Sequence[str]] = ()
     abilities: ClassVar[frozenset[Ability]]
+    filter_options: ClassVar[Sequence[str]] = ()
     problem_type: ClassVar[type]
     result_type: ClassVar[type]
 
@@ -106,6 +109,10 @@ class Family(Protocol):
         """Raise InfeasibleError where it can be seen without solving that no schedule exists."""
         return None
 
+    def mistakes(self, problem: Any, method: Any) -> list[Mistake]:
+        """What is wrong with the options of `method` for `problem`, paths below the problem; nothing is solved."""
+        return [mistake.under("method") for mistake in method.check(problem) or ()]
+
     def truth_remark(self, estimate: Estimate, truth: Any, source: Any) -> str:
         """One sentence on an estimate beside the true states; `source` is the file they came from."""
         from occontrol.files.figures.estimates import truth_remark
@@ -144,6 +151,10 @@ class Family(Protocol):
         """The certified front of observation cost against prediction error."""
         self._cannot(Ability.TRADEOFF)
 
+    def write_tradeoff(self, folder: Path, front: Any, figures: bool = True) -> list[Path]:
+        """Write what `tradeoff` returned to a folder, with pictures if `figures`; the files written."""
+        self._cannot(Ability.TRADEOFF)
+
     # ---- what follows from the above
 
     def can(self, ability: Ability) -> bool:
@@ -175,11 +186,23 @@ class Family(Protocol):
             kind = self.methods[method]
             return own if isinstance(own, kind) else kind(**options_in_common(own, kind))
         if type(method) not in self.methods.values():
-            what = f"{type(method).__name__} is not a method of family {self.name}"
-            raise UsageError(f"{what}\n  hint: {self._methods_hint('')}")
+            what = f"{_described(method)} is not a method of family {self.name}"
+            raise UsageError(f"{what}\n  hint: {self._python_hint()}")
         return method
 
     def _methods_hint(self, name: str) -> str:
         from occontrol.core.errors import suggest
 
         return suggest(name, self.methods)
+
+    def _python_hint(self) -> str:
+        made = ", ".join(kind.__name__ + "()" for kind in self.methods.values())
+        return f"there are: {', '.join(self.methods)}; in Python occontrol.{self.name}.{made}"
+
+
+def _described(method: Any) -> str:
+    """What a caller gave as a method: "Random of family athans", or its type."""
+    kind = method if isinstance(method, type) else type(method)
+    home = kind.__module__.split(".")
+    owner = f" of family {home[2]}" if home[:2] == ["occontrol", "families"] and len(home) > 3 else ""
+    return f"{'the class ' if isinstance(method, type) else ''}{kind.__name__}{owner}"

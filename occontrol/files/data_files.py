@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +16,7 @@ import numpy as np
 from occontrol.core.errors import Collector, FileAccessError, Mistake, ProblemError
 from occontrol.core.measurement import Measurement
 from occontrol.core.schedule import Schedule
+from occontrol.core.solution import Solution
 from occontrol.files.positions import Text, in_order
 from occontrol.files.problem_file import read_text
 from occontrol.files.segments import Segment, grid_of, schedule_of
@@ -23,7 +24,7 @@ from occontrol.files.segments import Segment, grid_of, schedule_of
 MAX_BYTES = 64 * 2**20
 
 
-def read_schedule(path: str | Path, problem: Any) -> Schedule:
+def read_schedule(path: str | Path, problem: Any, read_run: Callable[[Path], tuple[Any, Solution]]) -> Schedule:
     """A schedule that anyone wrote, on the grid of `problem` refined where the schedule switches.
 
     Parameters
@@ -32,6 +33,7 @@ def read_schedule(path: str | Path, problem: Any) -> Schedule:
         weights (joined by ';'); JSON, a list of
         {start, end, sensors[, weights]} or a dict that has it under 'schedule'; or a run folder
     problem : a problem whose sensors are chosen on a grid of times or epochs
+    read_run : the problem and the solution of a run folder
 
     Raises ProblemError with every mistake as file:line, FileAccessError when the file cannot be read.
     """
@@ -39,7 +41,7 @@ def read_schedule(path: str | Path, problem: Any) -> Schedule:
     if len(grid_of(problem)) < 2 or not hasattr(problem, "sensors"):
         raise ProblemError(f"a problem of family {problem.family} has no schedule over time to read", "")
     if path.is_dir():
-        segments = _from_run(path)
+        segments = _from_run(path, read_run)
     elif path.suffix.lower() == ".json":
         segments = _from_json(path, float(grid_of(problem)[-1]))
     elif path.suffix.lower() == ".csv":
@@ -116,9 +118,7 @@ def _used(fields: list[str]) -> int:
     return max((i + 1 for i, field in enumerate(fields) if field), default=0)
 
 
-def _from_run(folder: Path) -> list[Segment]:
-    from occontrol.files.run_folder import read_run
-
+def _from_run(folder: Path, read_run: Callable[[Path], tuple[Any, Solution]]) -> list[Segment]:
     _, solution = read_run(folder)
     schedule = solution.schedule
     if schedule is None:

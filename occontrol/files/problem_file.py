@@ -1,8 +1,9 @@
-"""A problem file (.yaml, .json, or the problem.json of a run folder) -> a validated problem, and back to a document."""
+"""A problem file (.yaml, .json, or the problem.json of a run folder) -> a validated problem of whatever family."""
 
 from __future__ import annotations
 
 import stat
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -25,8 +26,8 @@ class LoadedDocument:
     family: str
     schema: ModuleType
 
-    def build(self) -> Any:
-        """The family's problem; ProblemError with every mistake and its place."""
+    def build(self, check: Callable[[Any], list[Mistake]] | None = None) -> Any:
+        """The family's problem; ProblemError with every mistake, those of `check` too, and its place."""
         from occontrol.files.schema.common import Context, validate
 
         context = Context(self.text.data, self.path.parent, self.path.stem)
@@ -42,6 +43,9 @@ class LoadedDocument:
                 m for m in context.found.mistakes if m in said or not any(m.path[: len(p)] == p for p in lacking)
             ]
             context.found.raise_if_any()
+            if check is not None:
+                context.found.mistakes += check(problem)
+                context.found.raise_if_any()
             return problem
         except ProblemError as error:
             raise self.text.placed(error.mistakes) from None
@@ -83,10 +87,16 @@ def read_text(path: Path, limit: int, kind: str) -> str:
     return text
 
 
-def load_document(path: str | Path) -> LoadedDocument:
-    """Read and parse a problem file and find its family; nothing is built yet."""
+def load_document(path: str | Path, families: Sequence[str], schema_of: Callable[[str], ModuleType]) -> LoadedDocument:
+    """Read and parse a problem file and find its family; nothing is built yet.
+
+    Parameters
+    ----------
+    path : a .yaml, .yml or .json file
+    families : the names that `family:` may have
+    schema_of : the schema module of a family, imported when it is called
+    """
     from occontrol.files.json_text import read_json
-    from occontrol.files.schema import SCHEMAS, schema_for
     from occontrol.files.schema.words import shown, suggest
     from occontrol.files.yaml_text import read_yaml
 
@@ -103,34 +113,11 @@ def load_document(path: str | Path) -> LoadedDocument:
             str(path), 1, 1, f"the file holds {shown(text.data)}, it must be a mapping", "begin with family: athans"
         )
     family = text.data.get("family")
-    if family not in list(SCHEMAS):
-        known = list(SCHEMAS)
+    known = list(families)
+    if family not in known:
         what = "the problem has no 'family'" if family is None else f"family is {shown(family)}, it must be a name"
         hint = "family: " + " | ".join(known)
         if isinstance(family, str):
             what, hint = f"unknown family '{family[:60]}'", suggest(family, known)
         raise text.placed([*text.mistakes, Mistake(("family",), what, hint)])
-    return LoadedDocument(path, text, family, schema_for(family))
-
-
-def read_problem(path: str | Path) -> Any:
-    """The problem in a file.
-
-    Parameters
-    ----------
-    path : a .yaml, .yml or .json file; tables in .npz files are looked for beside and below it
-
-    Returns
-    -------
-    The frozen Problem of the file's family, for example SchedulingProblem.
-
-    Raises ProblemError with every mistake as file:line:column, FileAccessError when the file cannot be read.
-    """
-    return load_document(path).build()
-
-
-def document(problem: Any) -> dict[str, Any]:
-    """The problem as a JSON-able dict with all tables embedded; reading it back gives the identical problem."""
-    from occontrol.files.schema import schema_for
-
-    return schema_for(problem.family).document(problem)
+    return LoadedDocument(path, text, family, schema_of(family))

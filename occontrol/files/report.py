@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-from occontrol.core.solution import Solution
-from occontrol.families import family_module
-from occontrol.files.figures import figures_of, save
+from occontrol.files.figures import save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title>
@@ -26,32 +27,31 @@ td:first-child {{ color: #666 }} img {{ max-width: 100%; margin: 1rem 0 }}
 """
 
 
-def write_pictures_and_report(folder: Path, problem: Any, solution: Solution, content: Mapping[str, Any]) -> None:
-    """Draw every figure into figures/ and gather them in report.html.
+def write_pictures_and_report(
+    folder: Path, title: str, rows: Sequence[tuple[str, str]], figures: Mapping[str, Figure]
+) -> None:
+    """Write every figure into figures/ and gather them in report.html.
 
     Parameters
     ----------
     folder : where to write
-    problem : the problem
-    solution : Solution
-    content : what result.json will hold
+    title : of the page
+    rows : (label, text) lines above the pictures
+    figures : by name, in the order of the page
     """
     pictures = []
-    for name, figure in figures_of(problem, solution).items():
+    for name, figure in figures.items():
         path = folder / "figures" / f"{name}.png"
         path.parent.mkdir(exist_ok=True)
         save(figure, path)
         pictures.append(path)
-    (folder / "report.html").write_text(_page(problem, solution, content, pictures), encoding="utf-8")
+    (folder / "report.html").write_text(_page(title, rows, pictures), encoding="utf-8")
 
 
-def _page(problem: Any, solution: Solution, content: Mapping[str, Any], pictures: list[Path]) -> str:
-    pairs = [("family", problem.family), ("status", f"{solution.status}: {solution.message or solution.status.text}")]
-    pairs += family_module(problem.family).summarise(problem, solution)
-    pairs += [("versions", ", ".join(f"{name} {text}" for name, text in content.get("versions", {}).items()))]
+def _page(title: str, pairs: Sequence[tuple[str, str]], pictures: list[Path]) -> str:
     rows = "".join(f"<tr><td>{html.escape(str(a))}</td><td>{html.escape(str(b))}</td></tr>" for a, b in pairs)
     images = []
     for path in pictures:
         code = base64.b64encode(path.read_bytes()).decode("ascii")
         images.append(f'<img alt="{html.escape(path.stem)}" src="data:image/png;base64,{code}">')
-    return _PAGE.format(title=html.escape(str(problem.name)), rows=rows, pictures="\n".join(images))
+    return _PAGE.format(title=html.escape(title), rows=rows, pictures="\n".join(images))

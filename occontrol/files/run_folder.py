@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.errors import FileAccessError, Mistake, ProblemError
+from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status
 from occontrol.files.plain_json import load_json, to_json
@@ -41,28 +42,29 @@ def check_writable(folder: Path) -> None:
 
 
 def write_run(
-    folder: str | Path, problem: Any, solution: Solution, extras: Callable[[Path, dict], None] | None = None
+    folder: str | Path,
+    document: Mapping[str, Any],
+    solution: Solution,
+    extras: Callable[[Path, dict], None] | None = None,
 ) -> dict[str, Any]:
     """Write a run folder and return the content of its result.json.
 
     Parameters
     ----------
     folder : the run folder, created if missing; an earlier result in it is replaced only when the new one is complete
-    problem : the problem that was solved
+    document : the problem that was solved, everything embedded
     solution : Solution
     extras : called with the folder under construction and the content of result.json, to add pictures and the like
 
     Raises FileAccessError when the folder cannot be written.
     """
-    from occontrol.files.problem_file import document
-
     folder = Path(folder)
     check_writable(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         stage = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
         try:
-            (stage / PROBLEM).write_text(to_json(document(problem)), encoding="utf-8")
+            (stage / PROBLEM).write_text(to_json(document), encoding="utf-8")
             _write_arrays(stage / ARRAYS, solution.arrays)
             content = solution.as_dict()
             if extras is not None:
@@ -143,14 +145,17 @@ def _locate(folder: Path, name: str) -> Path:
     return path
 
 
-def read_run(folder: str | Path) -> tuple[Any, Solution]:
-    """The problem and the Solution of the run folder `folder`, identical to what was written.
+def read_run(folder: str | Path, read_problem: Callable[[Path], Any]) -> tuple[Any, Solution]:
+    """The problem and the Solution of the run folder `folder`; its numbers are a PlainResult, entry by entry.
+
+    Parameters
+    ----------
+    folder : the run folder
+    read_problem : builds the problem from problem.json
 
     Raises ProblemError naming the file that is missing, damaged, or does not belong to the others; FileAccessError when
     there is no such folder or it cannot be read.
     """
-    from occontrol.files.problem_file import read_problem
-
     folder = Path(folder)
     result_path, problem_path, arrays_path = (_locate(folder, name) for name in (RESULT, PROBLEM, ARRAYS))
     try:
@@ -210,7 +215,7 @@ def _solution(problem: Any, content: dict, arrays: dict[str, np.ndarray], path: 
                 message=str(content.get("message", "")),
                 iterations=int(content.get("iterations") or 0),
                 seconds=float(content.get("seconds") or 0.0),
-                result=result,
+                numbers=PlainResult(result),
                 arrays=arrays,
                 schedule=schedule,
                 certificate=certificate,

@@ -15,6 +15,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from occontrol.api import read_problem
 from occontrol.families.precision.ensemble import EnsembleFilter
 from occontrol.families.precision.family import Problem
 from occontrol.families.precision.moments import Moments
@@ -23,7 +24,6 @@ from occontrol.families.precision.text import first_moments
 from occontrol.families.precision.unscented import UnscentedFilter
 from occontrol.files.figures import save
 from occontrol.files.figures.style import SLIDE, house_style, new_figure
-from occontrol.files.problem_file import read_problem
 
 PROBLEM = Path(__file__).parents[2] / "problems" / "lorenz96_enkf.yaml"
 # number: (title, filter, batch, cap, number of bounds)

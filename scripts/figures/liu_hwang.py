@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
+from occontrol.api import read_problem
 from occontrol.core.solution import Solution
 from occontrol.families.hybrid.bhattacharyya import error_bound
 from occontrol.families.hybrid.equations import propagate
@@ -25,7 +26,6 @@ from occontrol.families.hybrid.problem import Problem
 from occontrol.families.hybrid.runs import experiment
 from occontrol.files.figures import save
 from occontrol.files.figures.style import GREY, INK, PALETTE, SLIDE, house_style, new_figure
-from occontrol.files.problem_file import read_problem
 
 PROBLEM = Path(__file__).parents[2] / "problems" / "turning_target.yaml"
 PAPER = {"scheduled": (4.3354, 3.5233, 17), "one": (7.5244, 4.4327, 35), "two": (5.8382, 4.2359, 33)}

@@ -11,11 +11,10 @@ from pathlib import Path
 import pytest
 
 import occontrol
-from occontrol.api import choose_method
+from occontrol.api import choose_method, read_run
 from occontrol.cli import run
 from occontrol.core.errors import SolveFailed, UsageError
 from occontrol.core.solution import Solution, Status
-from occontrol.files.run_folder import read_run
 
 Captured = pytest.CaptureFixture[str]
 
@@ -57,7 +56,7 @@ def test_init_writes_a_problem_that_reads_and_never_over_a_file(capsys: Captured
 def test_check_tells_sizes_and_observability_and_solves_nothing(
     small_file: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("occontrol.families.athans.family.solve", None)
+    monkeypatch.setattr("occontrol.families.athans.family.AthansFamily.solve", None)
     assert run(["check", str(small_file)]) == 0
     text = capsys.readouterr().out
     for words in ("two radars", "2 states", "40 intervals", "rank 2 of 2", "availability", "work"):
@@ -143,7 +142,7 @@ def test_a_disagreement_ends_with_7_and_is_written(
     small_file: Path, small_solution: Solution, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wrong = dataclasses.replace(small_solution, status=Status.DISAGREES, message="the integrator says 3")
-    monkeypatch.setattr("occontrol.families.athans.family.solve", lambda *_: wrong)
+    monkeypatch.setattr("occontrol.families.athans.family.AthansFamily.solve", lambda *_: wrong)
     assert run(["solve", str(small_file), "--json", "--no-figures"]) == 7
     assert json.loads(capsys.readouterr().out)["status"] == "disagrees"
     assert read_run("runs/radars")[1].status is Status.DISAGREES
@@ -155,7 +154,7 @@ def test_a_failed_solver_ends_with_6_without_a_run_folder(
     def fail(*_: object) -> None:
         raise SolveFailed("no step was acceptable\n  hint: raise max_iterations")
 
-    monkeypatch.setattr("occontrol.families.athans.family.solve", fail)
+    monkeypatch.setattr("occontrol.families.athans.family.AthansFamily.solve", fail)
     assert run(["solve", str(small_file)]) == 6
     assert "hint: raise max_iterations" in capsys.readouterr().err
     assert not Path("runs").exists()
@@ -167,7 +166,7 @@ def test_the_unexpected_ends_with_6_and_one_message(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("by\nnothing")
 
-    monkeypatch.setattr("occontrol.families.athans.family.solve", fail)
+    monkeypatch.setattr("occontrol.families.athans.family.AthansFamily.solve", fail)
     monkeypatch.delenv("OCCONTROL_DEBUG", raising=False)
     assert run(["solve", str(small_file)]) == 6
     err = capsys.readouterr().err
@@ -192,7 +191,7 @@ def test_a_picture_that_cannot_be_drawn_costs_nobody_the_result(
     def fail(*_: object) -> None:
         raise ValueError("no ink")
 
-    monkeypatch.setattr("occontrol.files.report.figures_of", fail)
+    monkeypatch.setattr("occontrol.api.files.figures_of", fail)
     assert run(["solve", str(small_file)]) == 0
     assert "the figures could not be drawn: ValueError: no ink" in capsys.readouterr().err
     assert read_run("runs/radars")[1].status is Status.CERTIFIED

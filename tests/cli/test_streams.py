@@ -63,7 +63,7 @@ def test_compare_with_no_method_at_all(small_file: Path, tmp_path: Path, capsys)
 
 
 def test_simulate_looks_at_its_folder_before_it_solves(small_file: Path, tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("occontrol.families.athans.family.solve", None)
+    monkeypatch.setattr("occontrol.families.athans.family.AthansFamily.solve", None)
     monkeypatch.chdir(tmp_path)
     assert run(["simulate", str(small_file), "--out", "nowhere/m.csv"]) == 8
     assert "cannot write nowhere/m.csv: there is no folder nowhere" in capsys.readouterr().err

@@ -8,16 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import read_measurements, read_problem, read_schedule, write_run
 from occontrol.core.errors import FileAccessError, ProblemError
 from occontrol.core.measurement import Measurement
 from occontrol.core.plant import LinearPlant
+from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
 from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.files.data_files import read_measurements, read_schedule
-from occontrol.files.problem_file import read_problem
-from occontrol.files.run_folder import write_run
 from occontrol.files.tables import write_measurements
 
 
@@ -108,7 +107,7 @@ def test_a_run_folder_and_its_result_give_the_schedule_back(tmp_path):
         message="",
         iterations=1,
         seconds=0.0,
-        result={"cost": 1.0, "lower_bound": 0.5, "schedule": schedule.segments()},
+        numbers=PlainResult({"cost": 1.0, "lower_bound": 0.5, "schedule": schedule.segments()}),
         arrays={"times": p.edges, "edges": p.edges, "weights": weights},
         schedule=schedule,
     )

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from occontrol.api import document, read_measurements, read_problem, read_schedule
 from occontrol.core.errors import FileAccessError, InfeasibleError, ProblemError
-from occontrol.files.data_files import read_measurements, read_schedule
-from occontrol.files.problem_file import document, read_problem
 
 SEED = """\
 family: athans

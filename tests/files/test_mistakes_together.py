@@ -2,8 +2,8 @@
 
 import pytest
 
+from occontrol.api import read_problem
 from occontrol.core.errors import ProblemError
-from occontrol.files.problem_file import read_problem
 
 ROBUST = """family: robust
 horizon: {end: 2, slots: 4}

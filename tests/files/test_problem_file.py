@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import occontrol.core.sensor as sensors
+from occontrol.api import document, read_problem
 from occontrol.core.errors import ProblemError
 from occontrol.core.plant import LinearPlant
 from occontrol.core.signal import TableSignal
 from occontrol.families.athans.methods import HMinimal, Relaxed
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.files.problem_file import document, read_problem
 
 FULL = """\
 family: athans
@@ -233,7 +233,7 @@ def test_a_problem_of_numbers_needs_no_heavy_library(tmp_path):
     text = FULL.replace('"-(1+0.2*sin(t))"', "-1").replace('["sin(t)"]', "[1]")
     (tmp_path / "x.yaml").write_text(text)
     code = (
-        "import sys; from occontrol.files.problem_file import read_problem; read_problem(sys.argv[1]); print([m for m "
+        "import sys; from occontrol.api import read_problem; read_problem(sys.argv[1]); print([m for m "
     )
     code += "in ('casadi', 'numba', 'scipy', 'matplotlib') if m in sys.modules])"
     done = subprocess.run(

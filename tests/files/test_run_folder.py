@@ -12,11 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import read_run, write_run
 from occontrol.core.errors import FileAccessError, ProblemError
+from occontrol.core.result import PlainResult
 from occontrol.core.solution import Solution
 from occontrol.files import run_folder
 from occontrol.files.plain_json import to_json
-from occontrol.files.run_folder import ARRAYS, PROBLEM, RESULT, read_run, write_run
+from occontrol.files.run_folder import ARRAYS, PROBLEM, RESULT
 
 Damage = Callable[[Path], object]
 
@@ -24,7 +26,8 @@ Damage = Callable[[Path], object]
 def other(solution: Solution) -> Solution:
     """A result that differs in its file of arrays and in its cost."""
     arrays = {**solution.arrays, "switching": solution.arrays["switching"] + 1}
-    return dataclasses.replace(solution, arrays=arrays, result={**solution.result, "cost": solution.cost + 1})
+    numbers = dataclasses.replace(solution.numbers, cost=solution.cost + 1)
+    return dataclasses.replace(solution, arrays=arrays, numbers=numbers)
 
 
 def test_a_run_reads_back_to_the_identical_numbers(tmp_path: Path, small_solution: Solution) -> None:
@@ -60,8 +63,8 @@ def test_the_same_arrays_make_the_same_bytes(tmp_path: Path, small_solution: Sol
 
 
 def test_not_a_number_becomes_null(tmp_path: Path, small_solution: Solution) -> None:
-    result = {**small_solution.result, "lower_bound": float("-inf"), "odd": [float("nan"), np.float64(1)]}
-    write_run(tmp_path, small_solution.problem, dataclasses.replace(small_solution, result=result))
+    numbers = PlainResult({**small_solution.result, "lower_bound": float("-inf"), "odd": [float("nan"), np.float64(1)]})
+    write_run(tmp_path, small_solution.problem, dataclasses.replace(small_solution, numbers=numbers))
     content = json.loads((tmp_path / RESULT).read_text(), parse_constant=pytest.fail)
     assert content["lower_bound"] is None and content["odd"] == [None, 1.0]
     assert read_run(tmp_path)[1].certificate is None

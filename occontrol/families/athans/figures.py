@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -239,11 +237,11 @@ def _certificate_text(solution: Solution) -> str:
     c = solution.certificate
     if c is not None and np.isfinite(c.lower_bound):
         lines += [f"proven bound {c.lower_bound:.7g}", f"gap {100 * c.relative_gap:.3g} %"]
-    continuous = solution.result.get("continuous")
-    if isinstance(continuous, Mapping) and isinstance(continuous.get("cost"), float):
-        lines += ["", "in continuous time", f"cost {continuous['cost']:.7g}"]
-        if isinstance(continuous.get("lower_bound"), float):
-            lines += [f"proven bound {continuous['lower_bound']:.7g}", f"gap {100 * continuous['relative_gap']:.3g} %"]
+    continuous = solution.numbers.continuous
+    if continuous is not None and isinstance(continuous.cost, float):
+        lines += ["", "in continuous time", f"cost {continuous.cost:.7g}"]
+        if isinstance(continuous.lower_bound, float):
+            lines += [f"proven bound {continuous.lower_bound:.7g}", f"gap {100 * continuous.relative_gap:.3g} %"]
     schedule = solution.schedule
     if schedule is not None:
         lines += ["", f"{schedule.switches} switch{'es' * (schedule.switches != 1)}"]

@@ -16,19 +16,18 @@ if TYPE_CHECKING:
     from occontrol.families.athans.tradeoff import Front
 
 
-def write_front(folder: str | Path, front: Front, content: dict[str, Any], figures: bool = True) -> list[Path]:
+def write_front(folder: str | Path, front: Front, figures: bool = True) -> list[Path]:
     """Write a front; each file is replaced only when its successor is complete.
 
     Parameters
     ----------
     folder : created if missing
     front : Front
-    content : front.as_dict()
     figures : whether to draw
 
     Returns the files written. Raises FileAccessError.
     """
-    folder = Path(folder)
+    folder, content = Path(folder), front.as_dict()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         written = [_replace(folder / "tradeoff.json", lambda path: path.write_text(to_json(content), encoding="utf-8"))]

@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from occontrol.core.method import Method, check_options
+
+STARTS = ("best-single", "round-robin", "greedy", "random")
+
 
 @dataclass(frozen=True)
-class Relaxed:
+class Relaxed(Method):
     """The convex relaxation alone: fractional weights, certified.
 
     Parameters
@@ -22,9 +26,12 @@ class Relaxed:
     max_iterations: int = 3000
     time_limit: float | None = None
 
+    def __post_init__(self) -> None:
+        check_options(self, positive=("relative_gap", "time_limit"), whole={"max_iterations": 1})
+
 
 @dataclass(frozen=True)
-class RelaxRoundPolish:
+class RelaxRoundPolish(Method):
     """The default: relax, round, polish on the true cost, certify.
 
     Parameters
@@ -41,9 +48,12 @@ class RelaxRoundPolish:
     polish: int = 200
     time_limit: float | None = None
 
+    def __post_init__(self) -> None:
+        check_options(self, positive=("relative_gap", "time_limit"), whole={"max_iterations": 1, "polish": 0})
+
 
 @dataclass(frozen=True)
-class HMinimal:
+class HMinimal(Method):
     """Kelley's H-minimal sweep with partial steps; `full_step` is the plain method, which may cycle.
 
     Parameters
@@ -64,9 +74,16 @@ class HMinimal:
     start: str = "best-single"
     time_limit: float | None = None
 
+    def __post_init__(self) -> None:
+        check_options(
+            self,
+            positive=("relative_gap", "time_limit"), at_least={"tolerance": 0}, whole={"max_iterations": 1},
+            one_of={"start": STARTS},
+        )
+
 
 @dataclass(frozen=True)
-class BestSingle:
+class BestSingle(Method):
     """Baseline: the best fixed choice, used whenever it is available.
 
     Parameters
@@ -77,9 +94,12 @@ class BestSingle:
     name: ClassVar[str] = "best-single"
     relative_gap: float = 1e-4
 
+    def __post_init__(self) -> None:
+        check_options(self, positive=("relative_gap",))
+
 
 @dataclass(frozen=True)
-class RoundRobin:
+class RoundRobin(Method):
     """Baseline: the sensors in turn.
 
     Parameters
@@ -92,9 +112,12 @@ class RoundRobin:
     relative_gap: float = 1e-4
     dwell: int = 1
 
+    def __post_init__(self) -> None:
+        check_options(self, positive=("relative_gap",), whole={"dwell": 1})
+
 
 @dataclass(frozen=True)
-class Random:
+class Random(Method):
     """Baseline: a random available choice on every interval.
 
     Parameters
@@ -107,9 +130,12 @@ class Random:
     relative_gap: float = 1e-4
     seed: int = 1
 
+    def __post_init__(self) -> None:
+        check_options(self, positive=("relative_gap",), whole={"seed": 0})
+
 
 @dataclass(frozen=True)
-class Greedy:
+class Greedy(Method):
     """Baseline: on every interval the choice that would be best if measuring ended with it.
 
     Parameters
@@ -120,9 +146,12 @@ class Greedy:
     name: ClassVar[str] = "greedy"
     relative_gap: float = 1e-4
 
+    def __post_init__(self) -> None:
+        check_options(self, positive=("relative_gap",))
+
 
 @dataclass(frozen=True)
-class Collocation:
+class Collocation(Method):
     """Ipopt direct collocation of the relaxed problem: the independent judge for small problems, not the engine.
 
     Parameters
@@ -140,3 +169,15 @@ class Collocation:
     stages: int = 3
     max_iterations: int = 300
     time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        check_options(
+            self,
+            positive=("relative_gap", "time_limit"),
+            one_of={"scheme": ("radau", "legendre")}, whole={"stages": 1, "max_iterations": 1},
+        )
+
+
+METHODS: dict[str, type] = {
+    m.name: m for m in (RelaxRoundPolish, HMinimal, Relaxed, Collocation, BestSingle, RoundRobin, Random, Greedy)
+}

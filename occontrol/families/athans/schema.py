@@ -11,6 +11,7 @@ from occontrol.core.errors import Path, ProblemError
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal, Signal
+from occontrol.families.athans.methods import METHODS
 from occontrol.families.athans.problem import SchedulingProblem, uniform_edges
 from occontrol.files.schema.common import (
     Context,
@@ -91,12 +92,10 @@ class Document(Strict):
 
 def build(document: Document, context: Context) -> SchedulingProblem:
     """The problem that the document describes; ProblemError with every mistake."""
-    from occontrol.families import family_module
-
     found, objective = context.found, document.objective
     name = context.title(document.name)
     edges = _edges(document.horizon, context)
-    method = None if document.method is None else context.method(document.method, family_module("athans").METHODS)
+    method = None if document.method is None else context.method(document.method, METHODS)
     expect = context.expect(document.expect)
     output = context.signal(objective.output, "objective", "output")
     running = None if objective.running is None else context.signal(objective.running, "objective", "running")

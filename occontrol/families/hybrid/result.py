@@ -96,7 +96,7 @@ class HybridResult(ResultData):
 
 def stated(numbers: HybridResult) -> dict[str, Any]:
     """The part of a Solution that says its numbers."""
-    return {"numbers": numbers, "result": numbers.as_dict()}
+    return {"numbers": numbers}
 
 
 def numbers_of(solution: Solution) -> HybridResult:

@@ -268,3 +268,6 @@ def _check_moments(moments: Moments) -> list[Mistake]:
             )
         ]
     return []
+
+
+PrecisionProblem = Problem  # its name outside of the family

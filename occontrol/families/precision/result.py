@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.core.result import PlainResult
 from occontrol.core.solution import Certificate, Solution, Status
 from occontrol.families.precision.problem import Problem
 from occontrol.families.precision.program import MEETS, PrecisionResult, relative_margin
@@ -98,7 +99,7 @@ def assemble(
         arrays["prior"] = problem.moments.state[None]
     iterations = sum(f.iterations for f in finals)
     return Solution(
-        "precision", method, status, message, iterations, seconds, result, arrays, None, certificate,
+        "precision", method, status, message, iterations, seconds, PlainResult(result), arrays, None, certificate,
         tuple(monitor.history), problem=problem,
     )  # fmt: skip
 

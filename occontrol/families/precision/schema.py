@@ -72,12 +72,11 @@ class Document(Strict):
 
 def build(document: Document, context: Context) -> Problem:
     """The problem that the document describes; ProblemError with every mistake."""
-    from occontrol.families import family_module
+    from occontrol.families.precision.family import METHODS
 
     found = context.found
     name, expect = context.title(document.name), context.expect(document.expect)
-    methods = family_module("precision").METHODS
-    method = None if document.method is None else context.method(document.method, methods)
+    method = None if document.method is None else context.method(document.method, METHODS)
     numbers = {key: read_numbers(getattr(document, key), key, context) for key in ("caps", "prices", "fixed")}
     matrix = None if document.bound.matrix is None else context.constant(document.bound.matrix, "bound", "matrix")
     pruning = None

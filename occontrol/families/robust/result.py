@@ -10,6 +10,7 @@ import numpy as np
 
 from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
+from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status
 from occontrol.families.athans.certificate import Claims
@@ -84,7 +85,8 @@ def infeasible(problem: Problem, method: str, began: float, sequence: Sequence[i
             message += f" With this schedule P escapes at t = {escape:.12g}."
     result["schedule"] = []
     return Solution(
-        "robust", method, Status.INFEASIBLE, message, 0, time.perf_counter() - began, result, {}, problem=problem
+        "robust", method, Status.INFEASIBLE, message, 0, time.perf_counter() - began, PlainResult(result), {},
+        problem=problem,
     )
 
 
@@ -167,7 +169,7 @@ def finish(
         message=message,
         iterations=int(extra.get("nodes", 0)),
         seconds=time.perf_counter() - began,
-        result=result,
+        numbers=PlainResult(result),
         arrays=kept,
         schedule=schedule,
         certificate=certificate,
@@ -228,7 +230,7 @@ def finish_shares(
         message=message,
         iterations=0,
         seconds=time.perf_counter() - began,
-        result=result,
+        numbers=PlainResult(result),
         arrays=arrays,
         schedule=schedule,
         certificate=certificate,

@@ -82,12 +82,12 @@ class Document(Strict):
 
 def build(document: Document, context: Context) -> Problem:
     """The problem that the document describes; ProblemError with every mistake."""
-    from occontrol.families import family_module
+    from occontrol.families.robust.family import METHODS
 
     found = context.found
     name = context.title(document.name)
     edges = _edges(document.horizon, context)
-    method = context.method(document.method, family_module("robust").METHODS)
+    method = context.method(document.method, METHODS)
     expect = context.expect(document.expect)
     plant = _plant(document, context)
     sensors = [_sensor(entry, j, plant.states, context) for j, entry in enumerate(document.sensors)]

@@ -172,7 +172,7 @@ def assemble(
 
 def _stated(numbers: SelectionResult) -> dict[str, Any]:
     """The part of a Solution that says its numbers."""
-    return {"numbers": numbers, "result": numbers.as_dict()}
+    return {"numbers": numbers}
 
 
 def numbers_of(solution: Solution) -> SelectionResult:

@@ -1,14 +1,19 @@
 """Runs in the formats of other tools: one module per format, one line here.
 
-A format's module offers write(problem, solution, target) -> list of the files that it wrote.
+A format's module offers write(problem, solution, tables, target) -> list of the files that it wrote.
 """
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from occontrol.core.errors import FileAccessError, UsageError
+import numpy as np
+
+from occontrol.core.errors import FileAccessError, UsageError, suggest
+from occontrol.core.solution import Solution
 
 # format: the file or folder that it writes inside the run folder when nobody names another
 FORMATS = {
@@ -20,27 +25,32 @@ FORMATS = {
 }
 
 
-def export_run(run: str | Path, to: str, out: str | Path | None = None) -> list[Path]:
-    """Write a run for another tool; the run folder alone is enough.
+def check_format(to: str) -> None:
+    """Raise UsageError unless `to` is one of FORMATS."""
+    if to not in FORMATS:
+        raise UsageError(f"there is no format '{to}'\n  hint: {suggest(to, FORMATS)}")
+
+
+def write_export(
+    problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], to: str, run: Path, out: str | Path | None
+) -> list[Path]:
+    """Write a run for another tool.
 
     Parameters
     ----------
-    run : the run folder
+    problem, solution : of the run
+    tables : arrays from which another program runs the filter, by name
     to : a name in `FORMATS`
+    run : the run folder
     out : file or folder to write, instead of the format's own place inside the run folder
 
-    Returns the files written. Raises UsageError for an unknown format, ProblemError for a damaged run folder,
-    FileAccessError when the files cannot be written.
+    Returns the files written. Raises UsageError for an unknown format, FileAccessError when they cannot be written.
     """
-    if to not in FORMATS:
-        raise UsageError(f"there is no format '{to}'\n  hint: there are: {', '.join(FORMATS)}")
-    from occontrol.files.run_folder import read_run
-
-    problem, solution = read_run(run)
-    target = Path(run) / FORMATS[to] if out is None else Path(out)
+    check_format(to)
+    target = run / FORMATS[to] if out is None else Path(out)
     if target.is_dir() and Path(FORMATS[to]).suffix:
         target = target / FORMATS[to]
     try:
-        return importlib.import_module(f"occontrol.files.export.{to}").write(problem, solution, target)
+        return importlib.import_module(f"occontrol.files.export.{to}").write(problem, solution, tables, target)
     except OSError as error:
         raise FileAccessError(f"cannot write {target}: {error.strerror or error}") from error

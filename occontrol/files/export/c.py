@@ -7,25 +7,26 @@ else double with 17 digits. Arrays without entries are left out, for C has none.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from occontrol.core.solution import Solution
-from occontrol.files.export.contents import filter_arrays
 
 PREFIX = "occontrol_"
 WIDTH = 120
 
 
-def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
+def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
     """Write one C file.
 
     Parameters
     ----------
     problem : the problem
     solution : Solution
+    tables : arrays of the filter, by name
     target : the file
     """
     names = list(getattr(getattr(problem, "sensors", None), "names", []))
@@ -36,7 +37,7 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
         lines += [f"#define {PREFIX.upper()}SENSORS {len(names)}"]
         lines += [f"static const char *const {PREFIX}sensors[{len(names)}] = {{{', '.join(map(_text, names))}}};"]
     arrays = dict(solution.arrays)
-    arrays |= {f"filter_{name}": value for name, value in filter_arrays(problem, solution).items()}
+    arrays |= {f"filter_{name}": value for name, value in tables.items()}
     for name, value in arrays.items():
         array = np.asarray(value)
         if array.size and array.dtype.kind in "fiub":

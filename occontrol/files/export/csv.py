@@ -7,7 +7,7 @@ schedule itself, and the arrays lie beside it as plan_gains.csv and so on.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,21 +21,23 @@ FILE_NAMES = {"gain": "gains", "continuous_gain": "continuous_gains"}
 PER_SENSOR = ("weights", "relaxed_weights", "switching")
 
 
-def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
+def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
     """Write the CSV files of one run.
 
     Parameters
     ----------
     problem : the problem, for the names of the sensors
     solution : Solution
+    tables : arrays of the filter, by name
     target : the folder, created if missing; or a file ending in .csv, for the schedule
     """
     single = target.suffix.lower() == ".csv" and not target.is_dir()
     folder, before = (target.parent, f"{target.stem}_") if single else (target, "")
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    if solution.result.get("schedule"):
-        written.append(_schedule(solution.result["schedule"], target if single else folder / "schedule.csv"))
+    schedule = getattr(solution.numbers, "schedule", None)
+    if schedule:
+        written.append(_schedule(schedule, target if single else folder / "schedule.csv"))
     arrays = solution.arrays
     sensors: Sequence[str] = getattr(getattr(problem, "sensors", None), "names", ())
     for name, array in arrays.items():

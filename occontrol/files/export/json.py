@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from occontrol.core.solution import Solution
-from occontrol.files.export.contents import filter_arrays
 from occontrol.files.plain_json import to_json
 
 
-def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
+def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
     """Write one JSON file.
 
     Parameters
     ----------
     problem : the problem
     solution : Solution
+    tables : arrays of the filter, by name
     target : the file
     """
     content = {
@@ -24,10 +27,10 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
         "family": problem.family,
         "method": solution.method,
         "sensors": getattr(getattr(problem, "sensors", None), "names", None),
-        "schedule": solution.result.get("schedule"),
+        "schedule": getattr(solution.numbers, "schedule", None),
         "result": {key: value for key, value in solution.result.items() if key != "schedule"},
         "arrays": dict(solution.arrays),
-        "filter": filter_arrays(problem, solution),
+        "filter": dict(tables),
     }
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(to_json(content), encoding="utf-8")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,19 +10,19 @@ import numpy as np
 
 from occontrol.core.errors import UsageError
 from occontrol.core.solution import Solution
-from occontrol.files.export.contents import filter_arrays
 
 LONGEST = 31  # characters of a field's name that MATLAB reads
 LARGEST = 2**31 - 1  # bytes of one variable in this version of the format
 
 
-def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
+def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
     """Write one .mat file with SciPy.
 
     Parameters
     ----------
     problem : the problem
     solution : Solution
+    tables : arrays of the filter, by name
     target : the file
 
     Raises UsageError when an array is too large for the format.
@@ -29,7 +30,7 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
     from scipy.io import savemat
 
     names = getattr(getattr(problem, "sensors", None), "names", [])
-    arrays, tables = dict(solution.arrays), filter_arrays(problem, solution)
+    arrays = dict(solution.arrays)
     for name, value in {**arrays, **tables}.items():
         if np.asarray(value).nbytes > LARGEST:
             raise UsageError(f"the array {name} is too large for a .mat file\n  hint: --to npz")
@@ -40,7 +41,7 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
         "sensors": np.array(list(names), dtype=object),
         "result": _plain({key: value for key, value in solution.result.items() if key != "schedule"}),
         "arrays": {name[:LONGEST]: np.asarray(value) for name, value in arrays.items()},
-        "filter": tables,
+        "filter": dict(tables),
     }
     target.parent.mkdir(parents=True, exist_ok=True)
     with open(target, "wb") as file:

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from occontrol.core.solution import Solution
-from occontrol.files.export.contents import filter_arrays
 
 
-def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
+def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
     """Write one .npz file without pickles.
 
     Parameters
     ----------
     problem : the problem
     solution : Solution
+    tables : arrays of the filter, by name
     target : the file
     """
     names = getattr(getattr(problem, "sensors", None), "names", [])
     content = {**solution.arrays, "sensors": np.array(list(names), dtype=np.str_)}
-    content |= {f"filter_{name}": value for name, value in filter_arrays(problem, solution).items()}
+    content |= {f"filter_{name}": value for name, value in tables.items()}
     target.parent.mkdir(parents=True, exist_ok=True)
     with open(target, "wb") as file:
         np.savez_compressed(file, **content)  # type: ignore[arg-type]

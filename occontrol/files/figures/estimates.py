@@ -12,6 +12,7 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
 from occontrol.files.figures import style
+from occontrol.numerics.consistency import average_band, judge_run
 
 MOST_STATES = 8
 MOST_OUTPUTS = 4
@@ -148,8 +149,6 @@ def _prediction(problem, schedule: Schedule | None, estimate: Estimate, truth: T
 
 def _consistency(problem, estimate: Estimate, truth: Trajectory | None) -> Figure:
     """NIS averaged over groups of samples and, with a truth, NEES at every time; each with its 99 % band."""
-    from occontrol.families.athans.filter.consistency import average_band, judge_run
-
     subtitle = "filter consistency: 1 is right; 99 % of the points belong into the band"
     figure = style.new_figure((13.33, 4.2 if truth is None else 6.5), problem.name, subtitle)
     panels = np.atleast_1d(figure.subplots(1 if truth is None else 2, 1, sharex=True))
@@ -174,3 +173,23 @@ def _consistency(problem, estimate: Estimate, truth: Trajectory | None) -> Figur
         axes.set_ylim(bottom=0)
         _time_axis(axes, problem, estimate, i == len(panels) - 1)
     return figure
+
+
+def truth_remark(estimate: Estimate, truth: Trajectory, source: object) -> str:
+    """One sentence on the errors of an estimate, measured by its own covariance.
+
+    Parameters
+    ----------
+    estimate : Estimate, one row per node
+    truth : true states at the same times
+    source : the file they came from
+    """
+    judged = judge_run(estimate, truth)
+    if not judged.degrees.any():
+        return f"NEES against {source}: none, the covariance is zero throughout"
+    average = float(judged.nees.sum() / judged.degrees.sum())
+    low, high = judged.nees_band
+    return (
+        f"NEES against {source}: {average:.4g} per state on average; the 99 % band of a "
+        f"single time is [{low:.3g}, {high:.3g}], {100 * judged.nees_inside:.0f} % of the times lie inside"
+    )

@@ -20,8 +20,6 @@ from occontrol.files.schema.matrices import ENTRY, MATRIX_SCHEMA, MatrixReader
 from occontrol.files.schema.tables import TableFiles
 from occontrol.files.schema.words import model_at, real_path, shown, spell, suggest, translate, value_at
 
-NOT_NEGATIVE = {"relative_gap", "max_iterations", "time_limit", "polish", "seed", "depth"}
-
 
 class Strict(BaseModel):
     """Unknown keys, infinities and silent conversions are mistakes."""
@@ -124,7 +122,10 @@ class Context:
         return name
 
     def method(self, value: Any, methods: typing.Mapping[str, type]) -> Any:
-        """An options object of the METHODS table from `name` or {name: .., option: ..}; None if nothing is given."""
+        """An options object of the `methods` table from `name` or {name: .., option: ..}; None if nothing is given.
+
+        What the method itself refuses when it is made is noted at its option.
+        """
         if value is None:
             return None
         if isinstance(value, str):
@@ -165,9 +166,6 @@ class Context:
                     continue
                 m = translate(error, Strict, item)[0]
                 self.found.add(("method", key), f"method.{key}{m.what.removeprefix('the document')}", m.hint)
-        for key in NOT_NEGATIVE & given.keys():
-            if given[key] is not None and given[key] < 0:
-                self.found.add(("method", key), f"method.{key} is {given[key]:g}, it must not be negative")
         wrong = {m.path[1] for m in self.found.mistakes[before:] if len(m.path) > 1}
         try:
             method = self.attempt(methods[name], "method", **{k: v for k, v in given.items() if k not in wrong})

@@ -1,32 +1,30 @@
-"""The JSON Schema of a family's problem files, for editors; `python -m occontrol.files.schema` writes those shipped."""
+"""The JSON Schema of a family's problem files, for editors; scripts/write_schemas.py writes those shipped."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 import typing
-from importlib.util import find_spec
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
-from pydantic import TypeAdapter
-
-from occontrol.families import family_module
-from occontrol.files.schema import SCHEMAS, schema_for
+from pydantic import BaseModel, TypeAdapter
 
 
-def json_schema(family: str) -> dict[str, Any]:
-    """The JSON Schema of the family's document, with the names and options of its methods."""
-    schema = schema_for(family).Document.model_json_schema()
-    methods = getattr(family_module(family), "METHODS", {})
+def json_schema(title: str, document: type[BaseModel], methods: Mapping[str, type]) -> dict[str, Any]:
+    """The JSON Schema of a document, with the names and options of the methods that it may name.
+
+    Parameters
+    ----------
+    title : of the schema
+    document : pydantic model of a problem file
+    methods : {name: dataclass of options}
+    """
+    schema = document.model_json_schema()
     if methods and "method" in schema["properties"]:
         forms = [_method(name, options) for name, options in methods.items()]
         schema["properties"]["method"] = {"anyOf": [{"enum": list(methods)}, *forms]}
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **schema,
-        "title": f"occontrol problem: {family}",
-    }
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": title}
 
 
 def _method(name: str, options: type) -> dict[str, Any]:
@@ -36,23 +34,11 @@ def _method(name: str, options: type) -> dict[str, Any]:
     return {"type": "object", "properties": properties, "required": ["name"], "additionalProperties": False}
 
 
-def shipped(family: str) -> Path:
-    """Where the family's JSON Schema lies in the package."""
-    return Path(__file__).parents[2] / "families" / family / "schema.json"
+def text(schema: Mapping[str, Any]) -> str:
+    """The content of a shipped schema.json.
 
-
-def text(family: str) -> str:
-    """The content of the shipped file."""
-    return json.dumps(json_schema(family), indent=1, ensure_ascii=False) + "\n"
-
-
-def families() -> list[str]:
-    """The families that have a schema."""
-    return [family for family, module in SCHEMAS.items() if find_spec(module)]
-
-
-def write_all() -> None:
-    """Write the schema of every family into the package."""
-    for family in families():
-        shipped(family).write_text(text(family), encoding="utf-8")
-        print(shipped(family))
+    Parameters
+    ----------
+    schema : from `json_schema`
+    """
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"

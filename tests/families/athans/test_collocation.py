@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from occontrol.api import read_problem
 from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.core.plant import LinearPlant
@@ -23,7 +24,6 @@ from occontrol.families.athans.continuous.reintegration import reintegrate
 from occontrol.families.athans.discretise import discretise, half_predicts
 from occontrol.families.athans.methods import Collocation
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.files.problem_file import read_problem
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 from occontrol.scheduling.sweep import Sweep
 

@@ -13,11 +13,12 @@ from scipy.stats import chi2
 
 import occontrol
 from occontrol.core.schedule import Schedule
-from occontrol.families.athans.filter.consistency import average_band, expected_nees, judge_run, monte_carlo, nees
+from occontrol.families.athans.filter.consistency import expected_nees, monte_carlo
 from occontrol.families.athans.filter.kalman_bucy import run_filter
 from occontrol.families.athans.filter.online import Plan, make_plan
 from occontrol.families.athans.filter.sampled_model import split_model
 from occontrol.families.athans.filter.simulate import simulate
+from occontrol.numerics.consistency import average_band, judge_run, nees
 from tests.families.athans.scheduling_cases import blocks, cycling, moving
 
 PROBLEMS = Path(__file__).resolve().parents[3] / "problems"

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 import occontrol as oc
+from occontrol.api import compare_figure, figures_of
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.families.athans.figures import output_deviation
-from occontrol.files.figures import compare_figure, figures_of
 from occontrol.files.figures.panels import MOST_ROWS
 
 

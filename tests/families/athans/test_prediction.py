@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from occontrol.families.athans.filter.consistency import average_band
 from occontrol.families.athans.filter.online import make_plan
 from occontrol.families.athans.filter.predictor import make_predictor
 from occontrol.families.athans.filter.sampled_model import driven_transitions, exact_model, split_model
 from occontrol.families.athans.filter.simulate import draw
+from occontrol.numerics.consistency import average_band
 from tests.families.athans.scheduling_cases import cycling, moving
 
 NAMES = ["attitude_telemetry", "reentry_waveforms", "survey_panel", "large_structure", "tracking_network"]

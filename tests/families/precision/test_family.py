@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import document, read_problem
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.solution import Status
 from occontrol.families.precision import family as precision
-from occontrol.files.problem_file import document, read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 FILES = ["moments_small", "lorenz96_enkf", "lorenz96_enkf_batch3", "lorenz96_ukf", "space_object"]
@@ -282,7 +282,7 @@ def test_an_interrupt_keeps_the_batches_so_far(tmp_path):
 
 @pytest.mark.parametrize("extra", ["", "batches: 3\n", "prune: true\n", "prices: [1, 2]\n"])
 def test_every_picture_is_drawn(tmp_path, extra):
-    from occontrol.files.figures import compare_figure, figures_of
+    from occontrol.api import compare_figure, figures_of
 
     problem = load(tmp_path, BASE + extra)
     solution = precision.solve(problem)
@@ -297,7 +297,7 @@ def test_every_picture_is_drawn(tmp_path, extra):
 
 
 def test_pictures_of_what_cannot_be_met(tmp_path):
-    from occontrol.files.figures import compare_figure, figures_of
+    from occontrol.api import compare_figure, figures_of
 
     problem = load(tmp_path, BASE.replace("caps: 50", "caps: 0.1"))
     solution = precision.solve(problem)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from occontrol.api import compare_figure, estimate_figures, figures_of
 from occontrol.core.sensor import Sensor
 from occontrol.families.robust.family import METHODS, Problem, run_filter, simulate, solve
 from occontrol.families.robust.methods import All
 from occontrol.families.robust.plant import UncertainPlant
-from occontrol.files.figures import compare_figure, estimate_figures, figures_of
 
 
 @pytest.fixture(scope="module")

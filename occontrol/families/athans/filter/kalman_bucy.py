@@ -18,11 +18,12 @@ from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
-from occontrol.families.athans.filter.consistency import average_band, expected_nees
+from occontrol.families.athans.filter.consistency import expected_nees
 from occontrol.families.athans.filter.gains import USED
 from occontrol.families.athans.filter.online import MatchedFilter, Step
 from occontrol.families.athans.filter.sampled_model import SampledModel
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.numerics.consistency import average_band
 
 TIME_SLACK = 0.01  # of an interval's length: times may be rounded, but not ambiguous
 MOST_MISTAKES = 20

@@ -1,0 +1,53 @@
+"""What the command line, scripts and the public names of the package call; every call works for every family."""
+
+from occontrol.api.files import (
+    document,
+    export_run,
+    json_schema,
+    read_measurements,
+    read_problem,
+    read_run,
+    read_schedule,
+    write_report,
+    write_run,
+)
+from occontrol.api.problems import (
+    certify,
+    choose_method,
+    compare_figure,
+    estimate_figures,
+    family_of,
+    figures_of,
+    online,
+    plot,
+    require,
+    run_filter,
+    simulate,
+    solve,
+    tradeoff,
+)
+
+__all__ = [
+    "certify",
+    "choose_method",
+    "compare_figure",
+    "document",
+    "estimate_figures",
+    "export_run",
+    "family_of",
+    "figures_of",
+    "json_schema",
+    "online",
+    "plot",
+    "read_measurements",
+    "read_problem",
+    "read_run",
+    "read_schedule",
+    "require",
+    "run_filter",
+    "simulate",
+    "solve",
+    "tradeoff",
+    "write_report",
+    "write_run",
+]

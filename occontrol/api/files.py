@@ -1,0 +1,149 @@
+"""The calls that read and write files of any family: what the toolkit in files needs to know of it is found here."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from occontrol.api.problems import family_of, figures_of
+from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.solution import Solution
+from occontrol.families import find_family, names
+
+if TYPE_CHECKING:
+    from occontrol.core.measurement import Measurement
+    from occontrol.core.schedule import Schedule
+
+
+def read_problem(path: str | Path) -> Any:
+    """The problem in a file, for example a SchedulingProblem.
+
+    Parameters
+    ----------
+    path : a .yaml, .yml or .json file; tables in .npz files are looked for beside and below it
+
+    Raises ProblemError with every mistake as file:line:column, FileAccessError when the file cannot be read.
+    """
+    from occontrol.files.problem_file import load_document
+
+    loaded = load_document(path, names(), lambda name: find_family(name).schema())
+    family = find_family(loaded.family)
+
+    def check(problem: Any) -> list[Mistake]:
+        return [] if problem.method is None else family.mistakes(problem, problem.method)
+
+    return loaded.build(check)
+
+
+def document(problem: Any) -> dict[str, Any]:
+    """The problem as a JSON-able dict with all tables embedded; reading it back gives the identical problem."""
+    return family_of(problem).schema().document(problem)
+
+
+def json_schema(family: str) -> dict[str, Any]:
+    """The JSON Schema of the problem files of the family called `family`, with its methods and their options."""
+    from occontrol.files.schema.json_schema import json_schema as schema_of
+
+    found = find_family(family)
+    return schema_of(f"occontrol problem: {family}", found.schema().Document, found.methods)
+
+
+def write_run(
+    folder: str | Path, problem: Any, solution: Solution, extras: Callable[[Path, dict], None] | None = None
+) -> dict[str, Any]:
+    """Write a run folder and return the content of its result.json.
+
+    Parameters
+    ----------
+    folder : the run folder, created if missing; an earlier result in it is replaced only when the new one is complete
+    problem : the problem that was solved
+    solution : Solution
+    extras : called with the folder under construction and the content of result.json, to add pictures and the like
+
+    Raises FileAccessError when the folder cannot be written.
+    """
+    from occontrol.files import run_folder
+
+    return run_folder.write_run(folder, document(problem), solution, extras)
+
+
+def write_report(folder: Path, problem: Any, solution: Solution, content: Mapping[str, Any]) -> None:
+    """Every figure of a solution as a picture below `folder`, and report.html with the `content` of result.json."""
+    from occontrol.files.report import write_pictures_and_report
+
+    family = family_of(problem)
+    rows = [("family", family.name), ("status", f"{solution.status}: {solution.message or solution.status.text}")]
+    rows += family.summarise(problem, solution)
+    rows.append(("versions", ", ".join(f"{name} {text}" for name, text in content.get("versions", {}).items())))
+    write_pictures_and_report(folder, str(problem.name), rows, figures_of(problem, solution))
+
+
+def read_run(folder: str | Path) -> tuple[Any, Solution]:
+    """The problem and the Solution of the run folder `folder`, identical to what was written.
+
+    Raises ProblemError naming the file that is missing, damaged, or does not belong to the others; FileAccessError when
+    there is no such folder or it cannot be read.
+    """
+    from occontrol.files import run_folder
+
+    problem, solution = run_folder.read_run(folder, read_problem)
+    try:
+        numbers = find_family(problem.family).result_type.from_dict(solution.result)
+    except (TypeError, ValueError, AttributeError) as error:
+        place = str(Path(folder) / run_folder.RESULT)
+        raise ProblemError(Mistake((), f"the result does not fit the problem: {error}", place=place)) from None
+    return problem, dataclasses.replace(solution, numbers=numbers)
+
+
+def read_schedule(path: str | Path, problem: Any) -> Schedule:
+    """A schedule that anyone wrote, on the grid of `problem` refined where the schedule switches.
+
+    Parameters
+    ----------
+    path : CSV with the columns start, end, sensors (names joined by ';') and, where sensors share their time, weights;
+        JSON, a list of {start, end, sensors[, weights]} or a dict that has it under 'schedule'; or a run folder
+    problem : a problem whose sensors are chosen on a grid of times or epochs
+
+    Raises ProblemError with every mistake as file:line, FileAccessError when the file cannot be read.
+    """
+    from occontrol.files import data_files
+
+    return data_files.read_schedule(path, problem, read_run)
+
+
+def read_measurements(path: str | Path, problem: Any = None) -> list[Measurement]:
+    """The samples of a measurement file, in the order of time.
+
+    Parameters
+    ----------
+    path : CSV with the columns t, sensor, z1, z2, ..; empty fields at the end of a line where a sensor has fewer values
+    problem : when given, names and numbers of values are compared with its sensors
+
+    An empty or NaN value is a missing one: it is NaN in `values`.
+    Raises ProblemError with every mistake as file:line, FileAccessError when the file cannot be read.
+    """
+    from occontrol.files import data_files
+
+    return data_files.read_measurements(path, problem)
+
+
+def export_run(run: str | Path, to: str, out: str | Path | None = None) -> list[Path]:
+    """Write a run for another tool; the run folder alone is enough.
+
+    Parameters
+    ----------
+    run : the run folder
+    to : csv, json, npz, mat or c
+    out : file or folder to write, instead of the format's own place inside the run folder
+
+    Returns the files written. Raises UsageError for an unknown format, ProblemError for a damaged run folder,
+    FileAccessError when the files cannot be written.
+    """
+    from occontrol.files.export import check_format, write_export
+
+    check_format(to)
+    problem, solution = read_run(run)
+    tables = family_of(problem).filter_tables(problem, solution)
+    return write_export(problem, solution, tables, to, Path(run), out)

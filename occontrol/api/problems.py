@@ -1,0 +1,206 @@
+"""The calls on a problem of any family: each finds the family, refuses what is foreign to it, and hands over."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from occontrol.core.errors import InfeasibleError, ProblemError, UsageError, suggest
+from occontrol.core.monitor import Monitor
+from occontrol.core.solution import Solution, Status
+from occontrol.families import find_family, names
+from occontrol.families.family import Ability, Family
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from occontrol.core.measurement import Estimate, Measurement
+    from occontrol.core.schedule import Schedule
+
+
+def family_of(problem: Any) -> Family:
+    """The family of a problem; UsageError for what is no problem of any family."""
+    name = getattr(problem, "family", None)
+    family = find_family(name) if name in names() else None
+    if family is None or not isinstance(problem, family.problem_type):
+        what = f"{type(problem).__name__} is not a problem of any family"
+        raise UsageError(f"{what}\n  hint: read_problem(FILE), or SchedulingProblem(..)")
+    return family
+
+
+def require(problem: Any, ability: Ability) -> Family:
+    """The family of `problem`; UsageError, naming the families that can, when it does not declare `ability`."""
+    family = family_of(problem)
+    if not family.can(ability):
+        able = [name for name in names() if find_family(name).can(ability)]
+        hint = f"\n  hint: these can: {', '.join(able)}" if able else ""
+        raise UsageError(f"family {family.name} cannot {ability}{hint}")
+    return family
+
+
+def choose_method(problem: Any, method: Any = None) -> Any:
+    """The method object that `solve` would run.
+
+    Parameters
+    ----------
+    problem : the problem of any family
+    method : an object or a name of one of the family's methods, or None for the problem's own or the family's default
+
+    Options that the problem states for its own method and that a named one has too, such as relative_gap, are kept.
+    Raises UsageError for a method that is not one of the family's, ProblemError where its options do not fit.
+    """
+    family = family_of(problem)
+    chosen = family.choose(problem, method)
+    if mistakes := family.mistakes(problem, chosen):
+        raise ProblemError(mistakes)
+    return chosen
+
+
+def solve(problem: Any, method: Any = None, monitor: Monitor | None = None) -> Solution:
+    """Solve a problem of any family.
+
+    Parameters
+    ----------
+    problem : from `read_problem`, or built in Python
+    method : an options object such as `HMinimal()`, the name of a method, or None for the problem's own
+    monitor : Monitor to watch and stop the work, optional
+
+    Returns a Solution: schedule, certificate, covariance. Raises UsageError for a method that is not one of the
+    family's and ProblemError for options that do not fit, both before any work; InfeasibleError when no schedule
+    exists, SolveFailed when a solver ends with nothing usable.
+    """
+    chosen = choose_method(problem, method)
+    solution = family_of(problem).solve(problem, chosen, _own_monitor(monitor, chosen))
+    return dataclasses.replace(solution, problem=problem)
+
+
+def _own_monitor(monitor: Monitor | None, method: Any) -> Monitor:
+    """A monitor for this method alone: what it sets does not reach the caller's."""
+    return (Monitor() if monitor is None else monitor).child(getattr(method, "time_limit", None))
+
+
+def certify(problem: Any, schedule: Schedule, claims: Any = None) -> Solution:
+    """Cost, lower bound and gap of a schedule that anybody wrote, all recomputed.
+
+    Parameters
+    ----------
+    problem : a problem whose family proves bounds
+    schedule : Schedule, for example from `read_schedule`
+    claims : the cost and bound that somebody states for it; a wrong one makes the status `disagrees`
+
+    Raises UsageError for families without bounds.
+    """
+    family = require(problem, Ability.CERTIFY)
+    return dataclasses.replace(family.certify(problem, schedule, claims), problem=problem)
+
+
+def simulate(problem: Any, solution: Solution | None, seed: int = 0) -> tuple[list[Measurement], Any]:
+    """A true trajectory and what the scheduled sensors would report of it.
+
+    Parameters
+    ----------
+    problem : the problem
+    solution : Solution whose schedule is followed
+    seed : of the random generator; the same seed gives the same data
+
+    Returns (measurements, truth). Raises UsageError for families that cannot, InfeasibleError without a schedule.
+    """
+    family = require(problem, Ability.SIMULATE)
+    _require_schedule(solution)
+    return family.simulate(problem, solution, seed)
+
+
+def run_filter(problem: Any, solution: Solution, measurements: Sequence[Measurement], **options: Any) -> Estimate:
+    """The estimate that the schedule's filter makes of measurements.
+
+    Parameters
+    ----------
+    problem : the problem
+    solution : Solution whose schedule and gains are used
+    measurements : list of Measurement
+    options : of the family's filter, such as model="exact" (athans, for coarse grids)
+
+    Raises UsageError for families without such a filter or option, ProblemError when the measurements do not fit.
+    """
+    family = require(problem, Ability.FILTER)
+    _require_schedule(solution)
+    for name in options:
+        if name not in family.filter_options:
+            hint = f"\n  hint: {suggest(name, family.filter_options)}" if family.filter_options else ""
+            raise UsageError(f"the filter of family {family.name} has no option '{name}'{hint}")
+    return family.run_filter(problem, solution, measurements, **options)
+
+
+def online(problem: Any, solution: Solution | None = None, method: Any = None) -> Any:
+    """The object for a loop on a target: `step(measurements)` gives the estimate and what to measure next.
+
+    Parameters
+    ----------
+    problem : the problem
+    solution : Solution whose schedule is followed, where the family plans ahead (athans)
+    method : what chooses the sensors, where the family chooses in the loop (vlambda)
+
+    Raises UsageError for families that cannot, InfeasibleError without a schedule.
+    """
+    family = require(problem, Ability.ONLINE)
+    _require_schedule(solution)
+    return family.online(problem, solution, None if method is None else choose_method(problem, method))
+
+
+def tradeoff(problem: Any, cost_weights: Sequence[float], monitor: Monitor | None = None) -> Any:
+    """The front of observation cost against prediction error over the cost weight alpha.
+
+    Parameters
+    ----------
+    problem : a problem whose family proves bounds (athans)
+    cost_weights : values of alpha
+    monitor : Monitor to watch and stop the work, optional
+
+    Returns a Front. Raises UsageError for families without such a trade-off.
+    """
+    family = require(problem, Ability.TRADEOFF)
+    return family.tradeoff(problem, cost_weights, monitor or Monitor())
+
+
+def _require_schedule(solution: Solution | None) -> None:
+    """InfeasibleError, with the solver's reason, when the solution says that there is no schedule to follow."""
+    if solution is not None and solution.status is Status.INFEASIBLE:
+        raise InfeasibleError(solution.message or solution.status.text)
+
+
+def figures_of(problem: Any, solution: Solution) -> dict[str, Figure]:
+    """Every figure of `solution` to `problem` by name, the most telling first."""
+    return family_of(problem).figures(problem, solution)
+
+
+def compare_figure(problem: Any, solutions: Mapping[str, Solution]) -> Figure | None:
+    """One figure of several `solutions`, by method name, to the same `problem`; None where the family has none."""
+    return family_of(problem).compare_figure(problem, solutions)
+
+
+def estimate_figures(problem: Any, solution: Solution, estimate: Estimate, truth: Any = None) -> dict[str, Figure]:
+    """The figures of an `estimate` along a solution by name; beside the `truth` where it is known."""
+    return family_of(problem).estimate_figures(problem, solution, estimate, truth)
+
+
+def plot(solution: Solution, problem: Any = None, figure: str | None = None) -> dict[str, Figure] | Figure:
+    """Pictures of a solution, as matplotlib Figures.
+
+    Parameters
+    ----------
+    solution : Solution
+    problem : the problem, where the solution does not carry it
+    figure : the name of one figure, for example "overview"; all of them, by name, if left out
+
+    Raises UsageError when there is no such figure.
+    """
+    problem = problem if problem is not None else solution.problem
+    if problem is None:
+        raise UsageError("the solution does not carry its problem\n  hint: occontrol.plot(solution, problem)")
+    drawn = figures_of(problem, solution)
+    if figure is None:
+        return drawn
+    if figure not in drawn:
+        raise UsageError(f"there is no figure '{figure}'\n  hint: {suggest(figure, drawn)}")
+    return drawn[figure]
