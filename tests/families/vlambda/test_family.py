@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import read_problem
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.core.plant import DiscretePlant

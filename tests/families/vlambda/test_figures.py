@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from occontrol.api import run_filter, simulate, solve
+from occontrol.api import compare_figure, estimate_figures, figures_of, run_filter, simulate, solve
 from occontrol.core.plant import DiscretePlant
 from occontrol.families.hybrid import problem as hybrid_problem
 from occontrol.families.hybrid.plant import JumpPlant, Mode

@@ -17,7 +17,6 @@ from occontrol.families.vlambda.online import OnlineSelector
 from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor, Region
 from occontrol.families.vlambda.sensor_choice import EigenspaceChooser
-from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 solve, simulate, run_filter, online = FAMILY.solve, FAMILY.simulate, FAMILY.run_filter, FAMILY.online

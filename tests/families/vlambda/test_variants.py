@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import read_problem
 from occontrol.core.plant import DiscretePlant
 from occontrol.core.solution import Status
 from occontrol.families.vlambda.family import FAMILY as vlambda
