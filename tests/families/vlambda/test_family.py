@@ -18,7 +18,6 @@ from occontrol.families.vlambda.family import FAMILY as vlambda
 from occontrol.families.vlambda.methods import Fixed, Lookahead, Optimal
 from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor
-from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 solve = vlambda.solve

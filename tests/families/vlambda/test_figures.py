@@ -12,7 +12,7 @@ from occontrol.families.hybrid.plant import JumpPlant, Mode
 from occontrol.families.hybrid.sensor import JumpSensor
 from occontrol.families.vlambda import problem as vlambda_problem
 from occontrol.families.vlambda.sensor import DiscreteSensor
-from occontrol.files.figures import compare_figure, estimate_figures, figures_of, style
+from occontrol.files.figures import style
 
 LONG = [f"a rather long name of sensor {i:02d} of the array" for i in range(50)]
 ROWS = np.random.default_rng(3).standard_normal((50, 1, 2))

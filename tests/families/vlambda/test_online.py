@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import read_problem
 from occontrol.core.errors import ProblemError, SolveFailed, UsageError
 from occontrol.core.measurement import Measurement
 from occontrol.core.plant import DiscretePlant

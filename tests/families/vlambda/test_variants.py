@@ -15,7 +15,6 @@ from occontrol.families.vlambda.family import FAMILY as vlambda
 from occontrol.families.vlambda.methods import Eigenspace, Fixed, Lookahead, Optimal, Random, RoundRobin, Trace
 from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor, Region
-from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 solve = vlambda.solve
