@@ -23,6 +23,10 @@ def filter_measurements(
         str | None,
         typer.Option("--model", help="split: the schedule's own [default]; exact: for coarse grids (athans)."),
     ] = None,
+    gate: Annotated[
+        float | None,
+        typer.Option("--gate", metavar="P", help="Leave out samples farther off than that, such as 0.9999 (athans)."),
+    ] = None,
     truth: Annotated[
         Path | None,
         typer.Option("--truth", metavar="CSV", help="True states [default: MEASUREMENTS' name.truth.csv, if there]."),
@@ -37,7 +41,7 @@ def filter_measurements(
 
     problem, solution = read_run(run)
     samples = read_measurements(measurements, problem)
-    options = {} if model is None else {"model": model}
+    options = {name: value for name, value in (("model", model), ("gate", gate)) if value is not None}
     try:
         estimate = run_filter(problem, solution, samples, **options)
     except ProblemError as error:

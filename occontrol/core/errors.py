@@ -19,7 +19,8 @@ class Mistake:
     """One thing that is wrong: where (a path into the problem), what, and how to mend it.
 
     `key` points at the key itself rather than at its value (unknown or repeated keys).
-    `place` is filled in by the file reader: "problems/x.yaml:14:11".
+    `place` is filled in by the file reader: "problems/x.yaml:14:11". In data of many lines `cause` says which mistakes
+    are the same one made again, see `one_per_cause`.
     """
 
     path: Path
@@ -27,6 +28,7 @@ class Mistake:
     hint: str = ""
     key: bool = False
     place: str = ""
+    cause: str = ""
 
     def under(self, *prefix: str | int) -> Mistake:
         """The same mistake, seen from further up the document."""
@@ -49,15 +51,39 @@ def printable(text: str) -> str:
     return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def suggest(name: str, known: Iterable[str]) -> str:
-    """A hint for the misspelt `name`: the closest of the `known` names, or all of them."""
+def one_per_cause(mistakes: Iterable[Mistake]) -> list[Mistake]:
+    """The first mistake of every cause (of the same words, where none is given), with the number of the others.
+
+    Parameters
+    ----------
+    mistakes : in the order of the file
+    """
+    groups: dict[str, list[Mistake]] = {}
+    for m in mistakes:
+        groups.setdefault(m.cause or f"{m.path} {m.what}", []).append(m)
+    return [
+        replace(first, what=f"{first.what}, and {plural(len(others), 'more line')} like it") if others else first
+        for first, *others in groups.values()
+    ]
+
+
+def suggest(name: str, known: Iterable[str], listed_as: str = "there are") -> str:
+    """A hint for the misspelt `name`: the closest of the `known` names, small letters or capitals, or all of them.
+
+    Parameters
+    ----------
+    name : as the user wrote it
+    known : what could be meant
+    listed_as : what stands before the list of all
+    """
     known = list(known)
-    close = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean '{close[0]}'?" if close else "there are: " + ", ".join(known)
+    lower = {word.lower(): word for word in reversed(known)}
+    close = difflib.get_close_matches(name.lower(), lower, n=1)
+    return f"did you mean '{lower[close[0]]}'?" if close else f"{listed_as}: " + ", ".join(known)
 
 
 def plural(count: int, thing: str) -> str:
-    """"1 state", "2 states": the count with the noun in the right number."""
+    """The count with the noun in the right number: 1 state, 2 states."""
     return f"{count} {thing}{'s' * (count != 1)}"
 
 

@@ -8,7 +8,6 @@ instead of occupying the machine.
 from __future__ import annotations
 
 import ast
-import difflib
 import math
 import operator
 import warnings
@@ -16,7 +15,7 @@ from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from typing import Any
 
-from occontrol.core.errors import ProblemError
+from occontrol.core.errors import ProblemError, suggest
 from occontrol.core.poles import suspects
 
 MAX_LENGTH = 10_000
@@ -50,11 +49,6 @@ _BINARY = {
 def _fail(text: str, what: str, hint: str = "") -> ProblemError:
     shown = text if len(text) <= 60 else text[:57] + "..."
     return ProblemError(f"expression '{shown}' {what}", hint)
-
-
-def _suggest(name: str, known: Sequence[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean '{close[0]}'?" if close else "known names: " + ", ".join(known)
 
 
 def _parse(text: str) -> ast.expr:
@@ -134,7 +128,8 @@ class Expression:
                     )
                 name, given = node.func.id, len(node.args)
                 if name not in FUNCTIONS:
-                    raise _fail(self.text, f"calls the unknown function '{name}'", _suggest(name, sorted(FUNCTIONS)))
+                    hint = suggest(name, sorted(FUNCTIONS), "known names")
+                    raise _fail(self.text, f"calls the unknown function '{name}'", hint)
                 _, fewest, most = FUNCTIONS[name]
                 if given < fewest or (most and given > most):
                     wanted = str(fewest) if most == fewest else f"at least {fewest}"
@@ -146,7 +141,7 @@ class Expression:
                 if node.id in self.variables:
                     used.add(node.id)
                 elif node.id not in CONSTANTS:
-                    hint = _suggest(node.id, [*self.variables, *CONSTANTS])
+                    hint = suggest(node.id, [*self.variables, *CONSTANTS], "known names")
                     if node.id in FUNCTIONS:
                         hint = f"'{node.id}' is a function: write {node.id}(...)"
                     raise _fail(self.text, f"uses the unknown name '{node.id}'", hint)

@@ -1,8 +1,9 @@
-"""What arrives from the sensors, and what a filter makes of it."""
+"""What arrives from the sensors, and what a filter makes of it: sample by sample, step by step, over a whole file."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,6 +24,36 @@ class Measurement:
     sensor: str
     values: np.ndarray
     line: int = 0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Step:
+    """What an on-line object knows after a step; families with more to say add fields in a subclass.
+
+    Parameters
+    ----------
+    time : t of the estimate; k in discrete time
+    estimate, covariance : (n,), (n, n) of the state. Where a family bounds errors instead of describing them by
+        chance, the centre of the set of possible states and its shape times its level
+    prediction, prediction_covariance : (p,), (p, p) of w; p = 0 where the family predicts nothing
+    nis : normalised innovation squared of the values just taken in, NaN where there were none
+    dimension : number of values behind nis
+    next_sensors : names of the sensors to read next; () for none, and at the end
+    """
+
+    time: float
+    estimate: np.ndarray
+    covariance: np.ndarray
+    prediction: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    prediction_covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    nis: float = math.nan
+    dimension: int = 0
+    next_sensors: tuple[str, ...] = ()
+
+    @property
+    def standard_deviation(self) -> np.ndarray:
+        """(n,) of every state."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
 @dataclass(frozen=True, eq=False)

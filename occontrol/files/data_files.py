@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.core.errors import Collector, FileAccessError, Mistake, ProblemError
+from occontrol.core.errors import Collector, FileAccessError, Mistake, ProblemError, one_per_cause, suggest
 from occontrol.core.measurement import Measurement
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
@@ -69,23 +69,23 @@ def read_measurements(path: str | Path, problem: Any = None) -> list[Measurement
     samples: list[Measurement] = []
     seen: dict[tuple[float, str], int] = {}
     rows = _rows(path, ("t", "sensor"), "measurement file")
-    width = len(next(rows)[1]) - 2
+    header = next(rows)[1]
+    width = len(header) - 2
     for line, row in rows:
         place = f"{path}:{line}"
         before = len(found.mistakes)
         t = _number(row[0], "t", place, found)
         name, fields = row[1].strip(), [field.strip() for field in row[2:]]
         if sizes is not None and name not in sizes:
-            from occontrol.files.schema.words import suggest
-
             _add(found, place, f"there is no sensor '{name}'", suggest(name, sizes))
         elif not name:
             _add(found, place, "the sensor is not named", "columns: t, sensor, z1, z2, ..")
-        values = [_number(field, f"z{i + 1}", place, found, missing=True) for i, field in enumerate(fields)]
+        titles = [title or f"z{i + 1}" for i, title in enumerate(header[2:])] + ["a value"] * len(fields)
+        values = [_number(field, titles[i], place, found, missing=True) for i, field in enumerate(fields)]
         size = _used(fields) if sizes is None else sizes.get(name)
         if len(fields) > width:
             _add(found, place, f"the line has {len(fields)} values, the header names {width}")
-        elif size is not None and _used(fields) > size:
+        elif size is not None and _used(fields) > size and len(found.mistakes) == before:
             _add(found, place, f"sensor '{name}' has {size} values, the line has {_used(fields)}")
         if len(found.mistakes) > before or t is None:
             continue
@@ -102,7 +102,7 @@ def read_measurements(path: str | Path, problem: Any = None) -> list[Measurement
         size = len(known) if size is None else size
         samples.append(Measurement(t, name, np.array((known + [math.nan] * size)[:size], dtype=float), line))
     if found.mistakes:
-        raise in_order(found.mistakes)
+        raise in_order(one_per_cause(found.mistakes))
     return sorted(samples, key=lambda m: m.time)
 
 
@@ -265,7 +265,8 @@ def _number(field: str, name: str, place: str, found: Collector, missing: bool =
     except ValueError:
         value = math.nan
     if "_" in field or not math.isfinite(value):
-        _add(found, place, f"{name} is '{field[:40]}', it must be a finite number")
+        what = f"{name} is '{field[:40]}', it must be a finite number"
+        found.mistakes.append(Mistake((), what, place=place, cause=f"number {name}"))
         return None
     return value
 

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.core.errors import Collector, Mistake, ProblemError
-from occontrol.core.schedule import Schedule
+from occontrol.core.errors import Collector, Mistake, ProblemError, plural, suggest
+from occontrol.core.schedule import ULPS, Schedule, snap
 from occontrol.core.sensor import IDLE
 from occontrol.files.positions import in_order
 
 JOIN = 1e-6  # of the horizon: what rounding on paper may leave between two segments, and at the ends
-SNAP = 1e-9  # of the largest time: a switch that close to an edge of the grid is at that edge
 TOTAL = 1e-6
 
 
@@ -49,9 +48,10 @@ def schedule_of(segments: Sequence[Segment], problem: Any, file: str) -> Schedul
     weights = [_weights(segment, problem, found) for segment in segments]
     if found.mistakes:
         raise in_order(found.mistakes)
-    edges = np.union1d(grid, switches)
-    owner = np.searchsorted(switches, (edges[1:] + edges[:-1]) / 2) - 1
-    return Schedule(edges, np.array(weights)[owner], tuple(problem.sensors.names))
+    names = tuple(problem.sensors.names)
+    given = Schedule(switches, np.array(weights), names)
+    edges = given.common_edges(grid)
+    return Schedule(edges, given.on_grid(edges, names), names)
 
 
 def grid_of(problem: Any) -> np.ndarray:
@@ -62,7 +62,7 @@ def grid_of(problem: Any) -> np.ndarray:
 
 def _switches(segments: Sequence[Segment], edges: np.ndarray, found: Collector, file: str) -> np.ndarray:
     """The K+1 times between the K segments, moved onto edges of the grid that they nearly meet."""
-    slack = JOIN * (edges[-1] - edges[0])
+    slack = JOIN * (edges[-1] - edges[0]) + ULPS * np.spacing(np.max(np.abs(edges)))
     times = [float(edges[0])]
     for before, segment in zip((None, *segments), segments, strict=False):
         start = times[0] if before is None else before.end
@@ -82,11 +82,7 @@ def _switches(segments: Sequence[Segment], edges: np.ndarray, found: Collector, 
     elif last.end > edges[-1] + slack:
         _add(found, last, f"the segment ends at {last.end:g}, the horizon at {edges[-1]:g}", _cover(edges))
     times[-1] = float(edges[-1])
-    switches = np.array(times)
-    right = np.clip(np.searchsorted(edges, switches), 1, len(edges) - 1)
-    nearest = np.where(switches - edges[right - 1] < edges[right] - switches, edges[right - 1], edges[right])
-    scale = max(1.0, float(np.max(np.abs(edges))))
-    switches = np.where(np.abs(switches - nearest) <= SNAP * scale, nearest, switches)
+    switches = snap(np.array(times), edges)
     if not found.mistakes and np.any(np.diff(switches) <= 0):
         k = int(np.argmax(np.diff(switches) <= 0))
         _add(found, segments[k], f"the segment from {segments[k].start:.12g} is too short to be told from nothing")
@@ -100,8 +96,6 @@ def _weights(segment: Segment, problem: Any, found: Collector) -> np.ndarray:
     shares = segment.weights or (1.0,) * len(segment.sensors)
     for name, share in zip(segment.sensors, shares, strict=True):
         if name not in names:
-            from occontrol.files.schema.words import suggest
-
             _add(found, segment, f"there is no sensor '{name}'", suggest(name, names))
             continue
         j = names.index(name)
@@ -124,7 +118,7 @@ def _weights(segment: Segment, problem: Any, found: Collector) -> np.ndarray:
     elif abs(lacking) > TOTAL:
         whole = segment.weights is None
         count = len(segment.sensors)
-        named = f"{count} sensor{'s are' if count != 1 else ' is'} named"
+        named = f"{plural(count, 'sensor')} {'is' if count == 1 else 'are'} named"
         what = named if whole else f"the weights add up to {np.sum(weights):g}"
         hint = "fractions of a relaxed schedule come from a run folder or result.json" if whole and lacking < 0 else ""
         _add(found, segment, f"{what}, but select is {select}", hint)

@@ -15,9 +15,9 @@ import numpy as np
 
 from occontrol.core.measurement import Estimate
 from occontrol.core.trajectory import Trajectory
+from occontrol.numerics.linalg import whitener
 
 PROBABILITY = 0.99
-RANK = 1e-12  # eigenvalues of the correlation matrix below this share of the largest count as zero
 
 
 def average_band(degrees: float, probability: float = PROBABILITY) -> tuple[float, float]:
@@ -52,19 +52,6 @@ def nees(truth: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> tuple[n
         value[..., k] = np.sum((error[..., k, :] @ white) ** 2, axis=-1)
         degrees[k] = white.shape[1]
     return value, degrees
-
-
-def whitener(P: np.ndarray) -> np.ndarray:
-    """V (n, rank) with V V' the (pseudo-)inverse of P (n, n), formed in units of the standard deviations."""
-    scale = np.sqrt(np.maximum(np.diag(P), 0.0))
-    kept = np.flatnonzero(scale > 0)
-    if not len(kept):
-        return np.zeros((len(P), 0))
-    values, vectors = np.linalg.eigh(P[np.ix_(kept, kept)] / np.outer(scale[kept], scale[kept]))
-    good = values > RANK * max(values[-1], 0.0)
-    white = np.zeros((len(P), int(np.sum(good))))
-    white[kept] = vectors[:, good] / np.sqrt(values[good]) / scale[kept, None]
-    return white
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Symmetric matrices: packing them in a triangle, making them symmetric, square roots.
+"""Symmetric matrices: packing them in a triangle, making them symmetric, square roots, whitening, normalised errors.
 
 Packed order: the lower triangle, column by column, (0,0), (1,0), .., (n-1,0), (1,1), ..; it is CasADi's own order.
 The factor 2 of the off-diagonal entries lives in `triangle_weights` and nowhere else.
@@ -76,16 +76,96 @@ def symmetrise(matrix: np.ndarray) -> np.ndarray:
     return (matrix + np.swapaxes(matrix, -1, -2)) / 2
 
 
-def square_root(matrix: np.ndarray) -> np.ndarray:
-    """X with X X' = matrix for symmetric positive semidefinite (..., n, n); negative eigenvalues count as zero.
+def square_root(
+    matrix: np.ndarray, *, scaled: bool = True, floor: float = 1e-14, cut: float = 0.0, symmetric: bool = False
+) -> np.ndarray:
+    """S with S S' = matrix for symmetric positive semidefinite matrices; negative eigenvalues count as zero.
 
-    Diagonal entries that differ by many orders of magnitude (up to 1e14) are brought to one first.
+    matrix = D (V Lambda V') D,   S = D V Lambda^{1/2}   (times V' when `symmetric`)
+
+    Parameters
+    ----------
+    matrix : (..., n, n)
+    scaled : whether the states are brought to unit variance first (D); variances of very different units then keep
+        their digits. Without it D = 1
+    floor : diagonal entries below this share of the largest are rounding, and are scaled as if they were that large
+    cut : eigenvalues up to this one count as zero
+    symmetric : whether the root is to be the symmetric one of the scaled matrix, which does not depend on the choice
+        of eigenvectors
+
+    Returns (..., n, n).
     """
-    diagonal = np.einsum("...ii->...i", matrix)
-    floor = 1e-14 * np.max(diagonal, axis=-1, keepdims=True)
-    scale = np.sqrt(np.maximum(diagonal, np.where(floor > 0, floor, 1.0)))
-    values, vectors = np.linalg.eigh(symmetrise(matrix / scale[..., :, None] / scale[..., None, :]))
-    return scale[..., :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+    if not scaled:
+        return _root_of(symmetrise(matrix), cut, symmetric)
+    diagonal = np.maximum(np.einsum("...ii->...i", matrix), 0.0)
+    least = floor * np.max(diagonal, axis=-1, keepdims=True, initial=0.0)
+    scale = np.sqrt(np.maximum(diagonal, least))
+    scale = np.where(scale > 0, scale, 1.0)
+    unit = matrix / (scale[..., :, None] * scale[..., None, :])
+    return scale[..., :, None] * _root_of(symmetrise(unit), cut, symmetric)
+
+
+def _root_of(matrix: np.ndarray, cut: float, symmetric: bool) -> np.ndarray:
+    values, vectors = np.linalg.eigh(matrix)
+    root = vectors * np.sqrt(np.where(values > cut, values, 0.0))[..., None, :]
+    return root @ np.swapaxes(vectors, -1, -2) if symmetric else root
+
+
+def whiten(noise: np.ndarray, *arrays: np.ndarray) -> list[np.ndarray]:
+    """R^{-1/2} times each array, R^{-1/2} being the inverse Cholesky factor: X with X'X = R^-1.
+
+    Parameters
+    ----------
+    noise : (..., m, m) R, symmetric positive definite; LinAlgError otherwise
+    arrays : (..., m, k) each, or (m,) vectors for a single R
+    """
+    factor = np.linalg.cholesky(noise)
+    return [np.linalg.solve(factor, array) for array in arrays]
+
+
+def normalised_square(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """e' P^-1 e as the square of a whitened error, so that rounding never makes it negative: NIS and NEES.
+
+    Parameters
+    ----------
+    error : (..., n)
+    covariance : (..., n, n) symmetric positive definite; LinAlgError otherwise
+
+    Returns (...).
+    """
+    (white,) = whiten(covariance, np.asarray(error)[..., None])
+    return np.sum(white[..., 0] ** 2, axis=-1)
+
+
+def normalised_square_of_root(error: np.ndarray, root: np.ndarray) -> float:
+    """e' (D D')^-1 e = |D^-1 e|^2 of one error, from the triangle that a square-root filter keeps.
+
+    Parameters
+    ----------
+    error : (n,)
+    root : (n, n) D, lower triangular, nonsingular
+    """
+    white = solve_lower(root, np.asarray(error, dtype=float)[:, None])
+    return float(np.sum(white**2))
+
+
+def whitener(covariance: np.ndarray, rank: float = 1e-12) -> np.ndarray:
+    """V (n, r) with V V' the pseudo-inverse of a positive semidefinite P, formed in units of the standard deviations.
+
+    Parameters
+    ----------
+    covariance : (n, n) P, of rank r
+    rank : eigenvalues of the correlation matrix below this share of the largest count as zero
+    """
+    scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    kept = np.flatnonzero(scale > 0)
+    if not len(kept):
+        return np.zeros((len(covariance), 0))
+    values, vectors = np.linalg.eigh(covariance[np.ix_(kept, kept)] / np.outer(scale[kept], scale[kept]))
+    good = values > rank * max(values[-1], 0.0)
+    white = np.zeros((len(covariance), int(np.sum(good))))
+    white[kept] = vectors[:, good] / np.sqrt(values[good]) / scale[kept, None]
+    return white
 
 
 def solve_lower(lower: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from occontrol.api import solve
-from occontrol.files.figures import compare_figure, save, style
+from occontrol.api import compare_figure, read_problem, solve
+from occontrol.files.figures import save, style
 from occontrol.files.figures.style import tidy_time_axis
-from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 

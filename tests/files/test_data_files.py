@@ -279,6 +279,20 @@ def test_measurements_that_are_refused(tmp_path):
     assert words(read_measurements, path, problem())[0].startswith(f"{path}:2: this is not CSV")
 
 
+def test_the_same_mistake_on_many_lines_is_named_once_with_their_number(tmp_path):
+    extra = ["t,sensor,z1,z2,quality", *[f"{k},doppler,1,,ok" for k in range(126)]]
+    path = written(tmp_path, "\n".join(extra), "z.csv")
+    assert words(read_measurements, path, problem()) == [
+        f"{path}:2: quality is 'ok', it must be a finite number, and 125 more lines like it"
+    ]
+    dates = ["t,sensor,z1", *[f"2026-01-01T12:00:{k:02d},doppler,1" for k in range(60)], "7,radr,1"]
+    path = written(tmp_path, "\n".join(dates), "z.csv")
+    assert words(read_measurements, path, problem()) == [
+        f"{path}:2: t is '2026-01-01T12:00:00', it must be a finite number, and 59 more lines like it",
+        f"{path}:62: there is no sensor 'radr'",
+    ]
+
+
 def test_shares_of_a_relaxed_schedule_are_read_from_csv(small_file, tmp_path):
     import occontrol
 

@@ -16,6 +16,7 @@ import numpy as np
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import ConstantSignal
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.numerics.linalg import whiten
 from occontrol.numerics.transition import transitions, unique_spans
 from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.recursion import Recursion
@@ -80,7 +81,7 @@ def scaled_rows(sensors: SensorSuite, times: np.ndarray) -> tuple[np.ndarray, np
         C, theta = sensor.C.sample(at), sensor.noise.sample(at)
         if sensor.rows:
             # Theta = G G' gives X = G^-1, and then X'X = Theta^-1
-            C = np.linalg.solve(np.linalg.cholesky(theta), C)
+            (C,) = whiten(theta, C)
         blocks.append(C)
     rows = np.ascontiguousarray(np.concatenate(blocks, axis=1))
     index = np.zeros(len(times)) if constant else np.arange(len(times))

@@ -38,7 +38,7 @@ class AthansFamily(Family):
         "schedule", "relaxed", "hminimal", "greedy", "best-single", "round-robin", "random",
     )  # fmt: skip
     abilities: ClassVar[frozenset[Ability]] = frozenset(Ability) - {Ability.MONTE_CARLO}
-    filter_options: ClassVar[Sequence[str]] = ("model",)
+    filter_options: ClassVar[Sequence[str]] = ("model", "gate")
     problem_type: ClassVar[type] = SchedulingProblem
     result_type: ClassVar[type] = AthansResult
 
@@ -114,12 +114,20 @@ class AthansFamily(Family):
         return simulate(problem, _schedule_of(solution), seed)
 
     def run_filter(
-        self, problem: SchedulingProblem, solution: Solution, measurements: Sequence[Measurement], model: str = "split"
+        self,
+        problem: SchedulingProblem,
+        solution: Solution,
+        measurements: Sequence[Measurement],
+        model: str = "split",
+        gate: float | None = None,
     ) -> Estimate:
-        """The matched filter; `model` "split" has the schedule's covariance, "exact" is for coarse grids."""
+        """The matched filter; `model` "split" has the schedule's covariance, "exact" is for coarse grids.
+
+        `gate` is a probability, for example 0.9999: samples farther off than that are left out.
+        """
         from occontrol.families.athans.filter.kalman_bucy import run_filter
 
-        return run_filter(problem, _schedule_of(solution), measurements, model)
+        return run_filter(problem, _schedule_of(solution), measurements, model, gate)
 
     def online(self, problem: SchedulingProblem, solution: Solution | None = None, method: Any = None) -> MatchedFilter:
         """The matched filter for a loop on a target, along the solution's schedule."""

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.arrange import STEP_SLACK, arrange, step_times
+from occontrol.core.errors import plural
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.hybrid.methods import GroupMethod
@@ -61,7 +62,7 @@ def run_filter(problem: Problem, measurements: Sequence[Measurement]) -> Estimat
     if silent:
         notes.append(f"{silent} of {problem.steps} steps have no measurement: the estimate is predicted there")
     if holes:
-        notes.append(f"{holes} value{'s' * (holes != 1)} missing: what else was read at these steps is used")
+        notes.append(f"{plural(holes, 'value')} missing: what else was read at these steps is used")
     return Estimate(
         times=np.arange(problem.steps + 1.0),
         mean=found.mean,
@@ -76,29 +77,19 @@ def run_filter(problem: Problem, measurements: Sequence[Measurement]) -> Estimat
 
 
 def _readings(problem: Problem, measurements: Sequence[Measurement]) -> dict[int, list[tuple[int, np.ndarray]]]:
-    """Sensors and values by step; several mistakes are reported together."""
-    readings: dict[int, list[tuple[int, np.ndarray]]] = {}
-    found: list[Mistake] = []
-    for m in measurements:
-        place = f"line {m.line}" if m.line else ""
-        k = round(m.time) if np.isfinite(m.time) else 0
-        values = np.atleast_1d(np.asarray(m.values, dtype=float))
-        if m.sensor not in problem.sensors.names:
-            known = ", ".join(problem.sensors.names)
-            found.append(Mistake((), f"there is no sensor '{m.sensor}'", f"the sensors are: {known}", place=place))
-            continue
-        j = problem.sensors.index(m.sensor)
-        rows = problem.sensors[j].rows
-        if abs(m.time - k) > 1e-9 or not 1 <= k <= problem.steps:
-            found.append(Mistake((), f"t = {m.time:g} is not a step", f"t is 1, 2, .. {problem.steps}", place=place))
-        elif values.shape != (rows,) or np.any(np.isinf(values)):
-            came = "an infinite one" if values.shape == (rows,) else f"{values.size} came"
-            what = f"sensor '{m.sensor}' has {rows} value{'s' * (rows != 1)}, {came}"
-            found.append(Mistake((), what, "leave a missing value empty, or its line out", place=place))
-        elif any(j == other for other, _ in readings.get(k, [])):
-            found.append(Mistake((), f"sensor '{m.sensor}' reports twice at t = {k}", place=place))
-        else:
-            readings.setdefault(k, []).append((j, values))
-    if found:
-        raise ProblemError(found)
-    return readings
+    """Sensors and values by step, of the steps at which something was read."""
+    sensors = problem.sensors
+    arrived = arrange(
+        step_times(1, int(problem.steps)),
+        sensors.names,
+        [sensor.rows for sensor in sensors],
+        None,
+        measurements,
+        slack=STEP_SLACK,
+        instants=True,
+    )
+    return {
+        k: [(sensors.index(name), values) for name, values in given.items()]
+        for k, given in enumerate(arrived, 1)
+        if given
+    }

@@ -162,11 +162,3 @@ class Hybrid(Family):
 
 
 FAMILY = Hybrid()
-
-# ---- until every room asks `find_family("hybrid")`: module-level names; delete this block then
-COMPARE = list(FAMILY.compared)
-COLUMNS = FAMILY.columns
-solve, describe, summarise = FAMILY.solve, FAMILY.describe, FAMILY.summarise
-compare_names, method_named = FAMILY.compare_names, FAMILY.method_named
-simulate, run_filter = FAMILY.simulate, FAMILY.run_filter
-# ---- end of the block

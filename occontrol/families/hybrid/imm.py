@@ -16,6 +16,7 @@ from occontrol.families.hybrid.equations import correct, match_moments, predict_
 from occontrol.families.hybrid.imm_kernel import JumpModel, predict_step
 from occontrol.families.hybrid.plant import JumpPlant
 from occontrol.families.hybrid.sensor import JumpSensor
+from occontrol.numerics.linalg import normalised_square
 
 GUARD_TOLERANCE = 5e-4
 
@@ -204,4 +205,4 @@ def _normalised(chances, means, covariances, C, R, values) -> float:
     expected, spread, _ = predict_measurement(means, covariances, C, R)
     centre, total = match_moments(np.exp(chances)[None], expected, spread)
     innovation = values - centre[0]
-    return float(innovation @ np.linalg.solve(total[0], innovation))
+    return float(normalised_square(innovation, total[0]))

@@ -23,6 +23,7 @@ from occontrol.families.hybrid.plant import JumpPlant
 from occontrol.families.hybrid.sensor import JumpSensor
 from occontrol.families.hybrid.statistics import Outcomes, join
 from occontrol.families.hybrid.truth import TrueRuns, Truth, simulate_truths
+from occontrol.numerics.linalg import normalised_square
 
 MOST_THREADS = 8
 ROUND_SECONDS = 0.3
@@ -143,7 +144,7 @@ def nees(apart: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     covariances : (..., n, n)
     """
     try:
-        return np.einsum("...i,...i->...", apart, np.linalg.solve(covariances, apart[..., None])[..., 0])
+        return normalised_square(apart, covariances)
     except np.linalg.LinAlgError:
         inverse = np.linalg.pinv(covariances, hermitian=True)
         return np.einsum("...i,...ij,...j->...", apart, inverse, apart)

@@ -13,6 +13,7 @@ import numpy as np
 
 from occontrol.families.hybrid.imm_kernel import JumpModel
 from occontrol.families.hybrid.plant import JumpPlant
+from occontrol.numerics.linalg import square_root
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,17 +49,9 @@ class TrueRuns:
     luck: np.ndarray
 
 
-def square_root(matrices: np.ndarray) -> np.ndarray:
-    """Symmetric square roots of positive semidefinite matrices (..., n, n), singular ones included.
-
-    X X' = S
-
-    Parameters
-    ----------
-    matrices : (..., n, n)
-    """
-    values, vectors = np.linalg.eigh(matrices)
-    return (vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]) @ vectors.swapaxes(-1, -2)
+def _root(matrices: np.ndarray) -> np.ndarray:
+    """The symmetric root, which no choice of eigenvectors changes: the same seed then gives the same run."""
+    return square_root(matrices, scaled=False, symmetric=True)
 
 
 def simulate_truths(
@@ -90,10 +83,10 @@ def simulate_truths(
         generator.random(out=uniform[r])
     first, rest = normal[:, :n], normal[:, n:].reshape(runs, steps, n + rows + extra)
     states, modes = np.empty((runs, steps + 1, n)), np.empty((runs, steps + 1), dtype=np.int64)
-    states[:, 0] = truth.mean + first @ square_root(truth.covariance)
+    states[:, 0] = truth.mean + first @ _root(truth.covariance)
     modes[:, 0] = _draw(plant.probabilities[None], uniform[:, 0]) if truth.mode is None else truth.mode
-    plant_noise, sensor_noise = square_root(model.noise), square_root(model.R[:, 0])
-    thresholds = model.threshold_mean + rest[:, :, n + rows :] @ square_root(model.threshold_covariance)
+    plant_noise, sensor_noise = _root(model.noise), _root(model.R[:, 0])
+    thresholds = model.threshold_mean + rest[:, :, n + rows :] @ _root(model.threshold_covariance)
     with np.errstate(all="ignore"):
         for k in range(1, steps + 1):
             q, x = modes[:, k - 1], states[:, k - 1]

@@ -17,6 +17,7 @@ from occontrol.families.precision.forecast import Forecast, draw, split_seed
 from occontrol.families.precision.measurement import NonlinearMeasurement
 from occontrol.families.precision.plant import NonlinearPlant
 from occontrol.families.precision.unscented import UnscentedFilter
+from occontrol.numerics.linalg import normalised_square
 
 
 class Chosen(Protocol):
@@ -90,7 +91,7 @@ def innovation_squared(forecast: Forecast, precisions: np.ndarray, observed: np.
     root = np.sqrt(precisions[used])
     innovation = root * (observed - forecast.measurement_mean)[used]
     inner = np.eye(len(used)) + root[:, None] * forecast.moments.measurement[np.ix_(used, used)] * root
-    return float(innovation @ np.linalg.solve(inner, innovation))
+    return float(normalised_square(innovation, inner))
 
 
 def run_sequence(

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from occontrol.numerics.linalg import square_root as semidefinite_root
+
 
 def spread(size: int, alpha: float, kappa: float) -> float:
     """n_a + rho = alpha^2 (n_a + kappa), the square of the distance of the points in standard deviations."""
@@ -40,11 +42,7 @@ def square_root(covariance: np.ndarray) -> np.ndarray:
     try:
         return np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
-        scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        safe = np.where(scale > 0, scale, 1.0)
-        values, vectors = np.linalg.eigh(covariance / safe / safe[:, None])
-        values = np.where(values > 1e-14 * len(values), values, 0.0)
-        return scale[:, None] * ((vectors * np.sqrt(values)) @ vectors.T)
+        return semidefinite_root(covariance, floor=0.0, cut=1e-14 * len(covariance), symmetric=True)
 
 
 def noise_root(covariance: np.ndarray) -> np.ndarray:

@@ -91,18 +91,6 @@ def thin_svd(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return left, values, right.T
 
 
-def whiten(noise: np.ndarray, *arrays: np.ndarray) -> list[np.ndarray]:
-    """R^{-1/2} times each array, R^{-1/2} being the inverse Cholesky factor (any X with X'X = R^-1 serves).
-
-    Parameters
-    ----------
-    noise : (m, m) R, symmetric positive definite; LinAlgError otherwise
-    arrays : (m, ..) each
-    """
-    factor = np.linalg.cholesky(noise)
-    return [np.linalg.solve(factor, a) for a in arrays]
-
-
 @lru_cache(maxsize=16)
 def _upper(n: int) -> np.ndarray:
     """(n, n) ones on and above the diagonal: faster than numpy.triu for small n."""

@@ -12,7 +12,7 @@ import numpy as np
 from occontrol.families.vlambda.eigenfactor import EPS, Eigenfactors, Propagation, lapack, thin_svd
 
 
-def _factors_of_root(root: np.ndarray) -> Eigenfactors:
+def factors_of_root(root: np.ndarray) -> Eigenfactors:
     """Eigenfactors of S S' from a root S (n, r), r >= n; deviations at rounding level count as 0."""
     _, deviations, vectors = thin_svd(np.asfortranarray(root.T))
     floor = len(deviations) * EPS * deviations[0]
@@ -34,7 +34,7 @@ def time_update_covariance(factors: Eigenfactors, transition: np.ndarray, noise_
     -------
     Propagation; its loss is eps times the ratio of the largest to the smallest deviation (1 when P is singular).
     """
-    updated = _factors_of_root(np.concatenate((transition @ factors.root, noise_root), axis=1))
+    updated = factors_of_root(np.concatenate((transition @ factors.root, noise_root), axis=1))
     largest, smallest = updated.deviations[0], updated.deviations[-1]
     return Propagation(updated, min(EPS * largest / smallest, 1.0) if smallest > 0 else 1.0)
 
@@ -66,7 +66,7 @@ def measurement_update_covariance(
     array[m:, :m] = (rows @ root).T
     array[m:, m:] = root.T
     triangle = np.triu(lapack.dgeqrf(array, overwrite_a=1)[0])
-    updated = _factors_of_root(triangle[m:, m:].T)
+    updated = factors_of_root(triangle[m:, m:].T)
     if values is None:
         return updated, mean, float("nan")
     innovation = np.linalg.solve(triangle[:m, :m].T, values - rows @ mean)

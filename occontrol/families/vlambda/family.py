@@ -211,12 +211,3 @@ class VLambda(Family):
 
 
 FAMILY = VLambda()
-
-# ---- until every room asks `find_family("vlambda")`: module-level names; delete this block then
-COMPARE = list(FAMILY.compared)
-COLUMNS = FAMILY.columns
-solve, describe, summarise = FAMILY.solve, FAMILY.describe, FAMILY.summarise
-compare_names, method_named = FAMILY.compare_names, FAMILY.method_named
-certify, claims_of = FAMILY.certify, FAMILY.claims_of
-simulate, run_filter, online = FAMILY.simulate, FAMILY.run_filter, FAMILY.online
-# ---- end of the block

@@ -1,8 +1,11 @@
 """The V-Lambda filter: spectral factors and mean of the state, updated step by step.
 
-The information form of the paper is used wherever it keeps its digits. Where F is nearly singular, contracts strongly
-against the plant noise, or the covariance is singular, that one step is done in covariance form, and `notes` says so.
-Works in the scaled states of a SampledPlant; `mean` and `standard_deviations` are in the user's units.
+Unknown: a root S of the covariance, P = S S', carried by the compiled square-root form that all filters share; the
+spectral factors V, Lambda of the paper are decomposed from it when somebody asks for them. Where P is graded (its
+deviations, or those after the next measurement, differ by more than GRADED) a root would lose digits of the small ones:
+there the factors themselves are carried, in the information form of the paper. Where that has nothing to stand on
+either, because the covariance is singular or F is nearly so, that one step is done with the factors in covariance form,
+and `notes` says so. Works in the scaled states of a SampledPlant.
 """
 
 from __future__ import annotations
@@ -13,13 +16,19 @@ import numpy as np
 
 from occontrol.core.errors import SolveFailed
 from occontrol.families.vlambda.eigenfactor import (
+    GRADED,
     Eigenfactors,
     eigenfactors_of,
     measurement_update,
     time_update,
-    whiten,
 )
-from occontrol.families.vlambda.eigenfactor_covariance import measurement_update_covariance, time_update_covariance
+from occontrol.families.vlambda.eigenfactor_covariance import (
+    factors_of_root,
+    measurement_update_covariance,
+    time_update_covariance,
+)
+from occontrol.numerics.linalg import whiten
+from occontrol.numerics.square_root_filter import condition, predict, update, whitened
 
 OVERFLOW = 1e140  # of a deviation; its square must stay finite, with room for the products of the next step
 LOSS = 1e-12  # estimated relative error of a time update in information form above which the covariance form is tried
@@ -27,25 +36,48 @@ LOSS = 1e-12  # estimated relative error of a time update in information form ab
 
 @dataclass
 class EigenfactorFilter:
-    """State of the filter: eigenfactors of the error covariance and the mean, before or after a measurement.
+    """State of the filter: error covariance, as a root or as eigenfactors, and mean, before or after a measurement.
 
     Parameters
     ----------
-    factors : Eigenfactors of the covariance (n, n)
+    root : (n, n) S with P = S S'; None while the factors are carried
     mean : (n,)
     step : k of the covariance
-    fallbacks : steps that were done in covariance form, with the estimated loss of the information form
+    fallbacks : steps that were done with the factors in covariance form, and why
     """
 
-    factors: Eigenfactors
+    root: np.ndarray | None
     mean: np.ndarray
     step: int = 0
     fallbacks: list[tuple[int, str]] = field(default_factory=list)
+    _factors: Eigenfactors | None = None
+    _condition: float = 1.0
 
     @classmethod
     def start(cls, covariance: np.ndarray, mean: np.ndarray) -> EigenfactorFilter:
         """From the covariance (n, n), which may be singular, and the mean (n,) of x(0)."""
-        return cls(eigenfactors_of(covariance), np.asarray(mean, dtype=float))
+        state = cls(None, np.array(mean, dtype=float))
+        state._carry(eigenfactors_of(covariance))
+        return state
+
+    @property
+    def factors(self) -> Eigenfactors:
+        """The eigenfactors of the covariance as it is now."""
+        if self._factors is None:
+            self._factors = factors_of_root(self.covariance_root)
+        return self._factors
+
+    @property
+    def covariance_root(self) -> np.ndarray:
+        """(n, n) a root of the covariance as it is now, whichever form is carried."""
+        return self.factors.root if self.root is None else self.root
+
+    def _carry(self, factors: Eigenfactors) -> None:
+        """Go on from `factors`: with a root where that is safe."""
+        deviations = factors.deviations
+        graded = not deviations[-1] * GRADED > deviations[0]
+        self._factors, self.root = factors, None if graded else np.ascontiguousarray(factors.root)
+        self._condition = np.inf if graded else float(deviations[0] / deviations[-1])
 
     def measure(self, rows: np.ndarray, values: np.ndarray | None = None) -> float:
         """Take a whitened measurement in; returns the normalised innovation squared.
@@ -55,10 +87,23 @@ class EigenfactorFilter:
         rows : (m, n) R^{-1/2} H
         values : (m,) R^{-1/2} y; None updates the covariance alone and returns NaN
         """
-        update = measurement_update if self.factors.invertible else measurement_update_covariance
+        if self.root is not None:
+            rows = np.ascontiguousarray(rows)
+            after, normalised, innovation_root = update(self.root, rows)
+            # what a measurement shrinks by |D| makes the covariance that much more graded
+            shrinking = self._condition * float(np.abs(innovation_root.diagonal()).max(initial=1.0))
+            if shrinking < GRADED:
+                self.root, self._factors = after, None
+                if values is None:
+                    return float("nan")
+                white = whitened(innovation_root, values - rows @ self.mean)
+                self.mean = self.mean + normalised @ white
+                return float(white @ white)
+        take_in = measurement_update if self.factors.invertible else measurement_update_covariance
         if not self.factors.invertible:
             self.fallbacks.append((self.step, "the covariance is singular"))
-        self.factors, self.mean, innovation = update(self.factors, self.mean, rows, values)
+        factors, self.mean, innovation = take_in(self.factors, self.mean, rows, values)
+        self._factors, self.root = factors, None
         return innovation
 
     def observe(self, H: np.ndarray, R: np.ndarray, y: np.ndarray) -> float:
@@ -73,29 +118,45 @@ class EigenfactorFilter:
         ----------
         transition : (n, n) F
         noise_root : (n, p) G Q^{1/2}
+
+        Raises SolveFailed when the covariance overflows.
         """
-        loss = 1.0
-        if self.factors.invertible:
-            result = time_update(self.factors, transition, noise_root)
-            loss = result.loss
-        if loss > LOSS or not self.factors.invertible:
-            other = time_update_covariance(self.factors, transition, noise_root)
-            if not self.factors.invertible or loss == 1.0 or other.loss <= loss:
-                if self.factors.invertible:
-                    reason = (
-                        "F is singular" if loss == 1.0 else f"the information form would lose {digits(loss)} digits"
-                    )
-                else:
-                    reason = "the covariance is singular"
-                self.fallbacks.append((self.step, reason))
-                result = other
-        self.factors, self.mean = result.factors, transition @ self.mean  # type: ignore[assignment]
+        if self.root is not None:
+            self.root = predict(self.root, np.ascontiguousarray(transition), np.ascontiguousarray(noise_root))
+            self._factors = None
+            self._condition = condition(self.root)
+            largest = float(np.abs(self.root).max())
+            if not self._condition < GRADED and largest < OVERFLOW:
+                self._carry(self.factors)
+        else:
+            factors = self._propagated(transition, noise_root)
+            self._carry(factors)
+            largest = float(factors.deviations[0])
+        self.mean = transition @ self.mean
         self.step += 1
-        if not self.factors.deviations[0] < OVERFLOW:
+        if not largest < OVERFLOW:
             raise SolveFailed(
                 f"the error covariance overflows at k = {self.step}\n"
                 "  hint: an unstable direction is not measured; fewer steps, or a sensor that sees it"
             )
+
+    def _propagated(self, transition: np.ndarray, noise_root: np.ndarray) -> Eigenfactors:
+        """The factors of P(k+1|k), in information form where that keeps its digits."""
+        loss, found, factors = 1.0, None, self.factors
+        if factors.invertible:
+            result = time_update(factors, transition, noise_root)
+            loss, found = result.loss, result.factors
+        if loss > LOSS or found is None:
+            other = time_update_covariance(factors, transition, noise_root)
+            if found is None or loss == 1.0 or other.loss <= loss:
+                reason = "the covariance is singular"
+                if factors.invertible:
+                    reason = (
+                        "F is singular" if loss == 1.0 else f"the information form would lose {digits(loss)} digits"
+                    )
+                self.fallbacks.append((self.step, reason))
+                found = other.factors
+        return found  # type: ignore[return-value]
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -6,42 +6,34 @@ This is what a loop on a target calls. Chooser, criterion and estimator are apar
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from occontrol.core.errors import UsageError
+from occontrol.core.errors import UsageError, suggest
+from occontrol.core.measurement import Step
 from occontrol.families.vlambda.eigenfactor import Eigenfactors
 from occontrol.families.vlambda.filter import EigenfactorFilter
 from occontrol.families.vlambda.sampled_plant import SampledPlant
 from occontrol.families.vlambda.sensor_choice import Choice, Chooser, Epoch
+from occontrol.numerics.linalg import whiten
 
 
-@dataclass(frozen=True, eq=False)
-class OnlineStep:
-    """What one step returns, in the user's units.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OnlineStep(Step):
+    """What one step returns, in the user's units: x(k) given the measurements up to k = `time`.
 
     Parameters
     ----------
-    step : k
-    mean, standard_deviations : (n,) of x(k) given the measurements up to k
-    innovation : normalised innovation squared; NaN when nothing was measured
-    dimension : how many values were used
     missing : names of the selected sensors that brought nothing
-    next_step : k + 1, or None at the end of the horizon
-    next_sensors : names of the sensors to use at next_step
-    next_locations : where the movable ones of them should be
+    next_step : k + 1, the step of `next_sensors`; None at the end of the horizon
+    next_locations : where the movable ones of `next_sensors` should be
     """
 
-    step: int
-    mean: np.ndarray
-    standard_deviations: np.ndarray
-    innovation: float
-    dimension: int
     missing: tuple[str, ...]
     next_step: int | None
-    next_sensors: tuple[str, ...]
     next_locations: Mapping[str, np.ndarray]
 
 
@@ -59,15 +51,14 @@ class OnlineSelector:
     ----------
     choice : the Choice of the current epoch; `sensors` names its sensors
     choices : all of them so far
-    filter : EigenfactorFilter, before the measurement of the current step
-    posterior : Eigenfactors of P(k|k) of the last step that was done
+    filter : EigenfactorFilter, before the measurement of the current step; it replaces its arrays, it changes none
     """
 
     def __init__(self, plant: SampledPlant, starts: np.ndarray, select: int, chooser: Chooser):
         self.plant, self.starts, self.select, self.chooser = plant, np.asarray(starts, dtype=int), select, chooser
         self.filter = EigenfactorFilter.start(plant.covariance, plant.mean)
         self.choices: list[Choice] = []
-        self.posterior: Eigenfactors = self.filter.factors
+        self._after = copy.copy(self.filter)  # as it was after the last measurement
         self._begin_epoch()
 
     @property
@@ -79,6 +70,11 @@ class OnlineSelector:
     def finished(self) -> bool:
         """Whether the horizon is over."""
         return self.filter.step >= self.plant.steps
+
+    @property
+    def posterior(self) -> Eigenfactors:
+        """Eigenfactors of P(k|k) of the last step that was done, in scaled states; decomposed when asked for."""
+        return self._after.factors
 
     @property
     def choice(self) -> Choice:
@@ -126,7 +122,7 @@ class OnlineSelector:
             there = np.flatnonzero(~np.isnan(given))
             if len(there):
                 kept[j] = H[there], R[np.ix_(there, there)]
-                values.append(np.linalg.solve(np.linalg.cholesky(kept[j][1]), given[there]))
+                values += whiten(kept[j][1], given[there])
         return kept, np.concatenate(values) if values else None
 
     def step(self, measurements: Mapping[str, np.ndarray] | None = None) -> OnlineStep:
@@ -147,7 +143,7 @@ class OnlineSelector:
         planned = list(self.choice.sensors)
         unknown = [name for name in measurements or {} if name not in names]
         if unknown:
-            raise UsageError(f"there is no sensor '{unknown[0]}'\n  hint: there are: {', '.join(names)}")
+            raise UsageError(f"there is no sensor '{unknown[0]}'\n  hint: {suggest(unknown[0], names)}")
         used = planned if measurements is None else [j for j, name in enumerate(names) if name in measurements]
         pairs, values = {j: self.matrices(j) for j in used}, None
         if measurements is not None:
@@ -155,21 +151,22 @@ class OnlineSelector:
         missing = tuple(names[j] for j in planned if j not in pairs)
         innovation, dimension = float("nan"), 0
         if pairs:
-            rows = np.concatenate([np.linalg.solve(np.linalg.cholesky(R), H) for H, R in pairs.values()])
+            rows = np.concatenate([whiten(R, H)[0] for H, R in pairs.values()])
             innovation = self.filter.measure(rows, values)
             dimension = 0 if values is None else len(values)
-        self.posterior, mean = self.filter.factors, self.filter.mean * self.plant.scales
+        self._after = copy.copy(self.filter)
+        root = self._after.covariance_root * self.plant.scales[:, None]
         self.filter.propagate(self.plant.transition[k], self.plant.noise_root[k])
         self._begin_epoch()
         over = self.finished
         return OnlineStep(
-            k,
-            mean,
-            self.posterior.standard_deviations * self.plant.scales,
-            innovation,
-            dimension,
-            missing,
-            None if over else k + 1,
-            () if over else self.sensors,
-            {} if over else {names[j]: place for j, place in self.choice.locations.items()},
+            time=float(k),
+            estimate=self._after.mean * self.plant.scales,
+            covariance=root @ root.T,
+            nis=innovation,
+            dimension=dimension,
+            next_sensors=() if over else self.sensors,
+            missing=missing,
+            next_step=None if over else k + 1,
+            next_locations={} if over else {names[j]: place for j, place in self.choice.locations.items()},
         )

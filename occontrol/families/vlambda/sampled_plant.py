@@ -13,24 +13,14 @@ import numpy as np
 
 from occontrol.core.plant import DiscretePlant
 from occontrol.families.vlambda.sensor import DiscreteSensor
-
-
-def whitened(noise: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """R^{-1/2} H for stacks (N, m, m) and (N, m, n), R^{-1/2} being the inverse Cholesky factor."""
-    return np.linalg.solve(np.linalg.cholesky(noise), rows)
+from occontrol.numerics.linalg import square_root, whiten
 
 
 def _whitened_or_nan(noise: np.ndarray, rows: np.ndarray) -> np.ndarray:
     try:
-        return whitened(noise[None], rows[None])[0]
+        return whiten(noise, rows)[0]
     except np.linalg.LinAlgError:
         return np.full(rows.shape, np.nan)
-
-
-def semidefinite_root(matrices: np.ndarray) -> np.ndarray:
-    """S with S S' = Q for a stack (N, p, p) of symmetric positive semidefinite matrices."""
-    values, vectors = np.linalg.eigh((matrices + matrices.swapaxes(1, 2)) / 2)
-    return vectors * np.sqrt(np.clip(values, 0.0, None))[:, None, :]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,14 +53,14 @@ class SampledSensor:
         if self.rows is not None:
             return self.rows[start:stop]
         rows, noise = self.matrices(start, stop, location)
-        return whitened(noise, rows)
+        return whiten(noise, rows)[0]
 
     def whitened_at(self, step: int, locations: np.ndarray) -> np.ndarray:
         """C (N, m, n) at one step and N locations (N, d); NaN where R is not positive definite."""
         steps = np.full(len(locations), float(step))
         rows, noise = self.sensor.H.sample(steps, locations) * self.scales, self.sensor.R.sample(steps, locations)
         try:
-            return whitened(noise, rows)
+            return whiten(noise, rows)[0]
         except np.linalg.LinAlgError:
             return np.array([_whitened_or_nan(R, H) for R, H in zip(noise, rows, strict=True)])
 
@@ -118,7 +108,7 @@ def sample_plant(
     n = plant.states
     s = np.ones(n) if scales is None else np.asarray(scales, dtype=float)
     k = np.arange(steps, dtype=float)
-    roots = semidefinite_root(np.asarray(plant.Q.sample(k)))
+    roots = square_root(np.asarray(plant.Q.sample(k)), scaled=False)
     if plant.G is not None:
         roots = plant.G.sample(k) @ roots
     sampled = []
@@ -127,7 +117,7 @@ def sample_plant(
             sampled.append(SampledSensor(sensor, s))
             continue
         H, R = np.asarray(sensor.H.sample(k)) * s, np.array(sensor.R.sample(k))
-        sampled.append(SampledSensor(sensor, s, H, R, np.ascontiguousarray(whitened(R, H))))
+        sampled.append(SampledSensor(sensor, s, H, R, np.ascontiguousarray(whiten(R, H)[0])))
     return SampledPlant(
         np.ascontiguousarray(plant.F.sample(k) * s / s[:, None]),
         np.ascontiguousarray(roots / s[:, None]),

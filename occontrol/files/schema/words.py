@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any, get_args
@@ -10,6 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from occontrol.core.errors import Mistake, Path
+from occontrol.core.errors import suggest as closest
 
 _WANTED = {
     "float_type": "a number",
@@ -56,11 +56,8 @@ def shown(value: Any) -> str:
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
-    """'did you mean ..?' for the closest known word, or the list of all."""
-    known = list(known)
-    lower = {name.lower(): name for name in reversed(known)}
-    close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.6)
-    return f"did you mean '{lower[close[0]]}'?" if close else "known: " + ", ".join(known)
+    """'did you mean ..?' for the closest known key, or the list of all, as every schema says it."""
+    return closest(word, known, "known")
 
 
 def spell(path: Sequence[str | int], data: Any = None) -> str:

@@ -9,9 +9,9 @@ import occontrol
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor
 from occontrol.core.solution import Certificate, Status
+from occontrol.families.athans.assembly import _adds_up, _coarse
 from occontrol.families.athans.certificate import discretisation_error
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.families.athans.result import _adds_up, _coarse
 
 
 def problem(intervals: int, end: float = 20.0, growth: float = -0.9) -> SchedulingProblem:

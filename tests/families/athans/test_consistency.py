@@ -119,7 +119,7 @@ def test_a_wrong_gain_is_caught_by_the_nees(factor, caught):
     problem = moving(60)
     schedule = cycling(problem)
     plan = make_plan(split_model(problem, schedule))
-    wrong = Plan([factor * gain for gain in plan.gain], plan.innovation, plan.covariance)
+    wrong = Plan([factor * gain for gain in plan.gain], plan.innovation_root, plan.root)
     found = monte_carlo(problem, schedule, SEEDS, plan=wrong)
     assert inside(np.mean(found.average_nees), found.nees_band) is not caught
     assert (found.nees_inside > 0.9) is not caught

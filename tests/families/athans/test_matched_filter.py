@@ -125,16 +125,16 @@ def test_steps_on_line_are_the_filter():
     online = MatchedFilter(problem, schedule)
     k = 0
     while not online.finished:
-        names = online.next_sensor
+        names = online.next_sensors
         step = online.step({name: samples[k, name] for name in names} if names else None)
         k += 1
         assert np.array_equal(step.estimate, estimate.mean[k]) and step.time == problem.edges[k]
         assert np.array_equal(step.prediction, estimate.predicted[k]) and step.planned
-    assert k == 24 and online.next_sensor == ()
+    assert k == 24 and online.next_sensors == ()
     with pytest.raises(ProblemError, match="the horizon is over"):
         online.step(None)
     online.restart()
-    assert online.next_sensor == ("place",)
+    assert online.next_sensors == ("place",)
     assert not online.step(None).planned
 
 
@@ -167,7 +167,7 @@ def test_the_exact_model_is_offered_and_others_are_refused():
         ({"time": 0.1}, r"'place' at t = 0.1 is not at the end of an interval"),
         ({"sensor": "speed"}, r"'speed' is not in use over \[0, .*in use: place"),
         ({"sensor": "radar"}, r"no sensor 'radar'"),
-        ({"values": np.array([1.0, 2.0])}, r"'place' has 2 values, its C has 1 row"),
+        ({"values": np.array([1.0, 2.0])}, r"'place' has 2 values, it must have 1"),
         ({"values": np.array([np.inf])}, r"'place' is infinite"),
         ({"time": np.nan}, r"'place' has no finite time"),
     ],
@@ -198,3 +198,72 @@ def test_a_coarse_grid_is_announced():
     measurements, _ = simulate(problem, schedule, 1)
     assert any("coarse" in note for note in run_filter(problem, schedule, measurements).notes)
     assert not any("coarse" in note for note in run_filter(problem, schedule, measurements, "exact").notes)
+
+
+def spoilt(measurements, i, jump):
+    wrong = list(measurements)
+    wrong[i] = replace(measurements[i], values=measurements[i].values + jump)
+    return wrong
+
+
+def test_an_outlier_is_located_by_time_sensor_and_nis():
+    problem, schedule, measurements, _ = case()
+    assert not any("outlier" in note for note in run_filter(problem, schedule, measurements).notes)
+    i = next(i for i, m in enumerate(measurements) if m.sensor == "speed" and m.time > 2)
+    notes = run_filter(problem, schedule, spoilt(measurements, i, 60.0)).notes
+    (note,) = [note for note in notes if "outlier" in note]
+    assert note.startswith(f"outlier: the sample of sensor 'speed' at t = {measurements[i].time:.9g}"), note
+    assert "exceeds 23.93 once in a million for 1 value; a gate leaves such samples out" in note
+    loop = MatchedFilter(problem, schedule)
+    samples = by_interval(problem, spoilt(measurements, i, 60.0))
+    found = {}
+    while not loop.finished:
+        k = loop.k
+        found |= {k: loop.step({n: samples[k, n] for n in loop.next_sensors}).samples}
+    nis = max(value for each in found.values() for value, _ in each.values())
+    assert f"its NIS is {nis:.4g}, " in note
+
+
+@pytest.mark.parametrize("select", [1, 2])
+def test_a_gate_leaves_an_outlier_out_and_says_so(select):
+    problem, schedule, measurements, _ = case(select)
+    i = next(i for i, m in enumerate(measurements) if m.sensor == "both" and m.time > 2)
+    gated = run_filter(problem, schedule, spoilt(measurements, i, 80.0), gate=0.99999)
+    without = run_filter(problem, schedule, measurements[:i] + measurements[i + 1 :])
+    np.testing.assert_array_equal(gated.mean, without.mean)
+    np.testing.assert_array_equal(gated.covariance, without.covariance)
+    np.testing.assert_array_equal(gated.dimension, without.dimension)
+    assert gated.notes[0].startswith(
+        f"gate 0.99999: 1 sample left out (it is of sensor 'both' at t = {measurements[i].time:.9g}, NIS "
+    )
+    assert not any("missing" in note or "outlier" in note for note in gated.notes)
+    clean = run_filter(problem, schedule, measurements, gate=0.99999)
+    np.testing.assert_array_equal(clean.mean, run_filter(problem, schedule, measurements).mean)
+    assert not any("gate" in note for note in clean.notes)
+    with pytest.raises(UsageError, match="gate is 2, it must be a probability between 0 and 1"):
+        run_filter(problem, schedule, measurements, gate=2)
+
+
+def test_a_sensor_is_judged_by_its_own_innovation():
+    """With two sensors in an interval the good one stays; its NIS is that of its own rows."""
+    problem, schedule, measurements, _ = case(2)
+    loop = MatchedFilter(problem, schedule, gate=0.9999)
+    P, model = problem.plant.covariance, loop.model
+    first = [m for m in measurements if m.time == problem.edges[1]]
+    assert len(first) == 2
+    sample = {first[0].sensor: first[0].values, first[1].sensor: first[1].values + 1e3}
+    done = loop.step(sample)
+    assert done.skipped == (first[1].sensor,) and done.dimension == len(first[0].values) and not done.planned
+    for j, place in model.places(0).items():
+        H, R = model.observe[0][place], model.reading_noise[0][place, place]
+        e = sample[model.names[j]] - H @ problem.plant.mean - model.offset[0][place]
+        expected = e @ np.linalg.solve(H @ P @ H.T + R, e)
+        assert done.samples[model.names[j]] == (pytest.approx(expected, rel=1e-12), len(e))
+
+
+def test_a_schedule_over_another_horizon_is_refused():
+    problem, schedule, _, _ = case()
+    shorter = replace(schedule, edges=schedule.edges / 2)
+    for model in ("split", "exact"):
+        with pytest.raises(ProblemError, match="nothing is scheduled between t = 2 and 4"):
+            MatchedFilter(problem, shorter, model)

@@ -133,9 +133,12 @@ def test_measurements_of_a_run_can_be_filtered():
     ("measurement", "words"),
     [
         (Measurement(1.0, "nowhere", np.array([1.0]), 2), "line 2: there is no sensor 'nowhere'"),
-        (Measurement(1.5, "near", np.array([1.0]), 3), "line 3: t = 1.5 is not a step"),
-        (Measurement(26.0, "near", np.array([1.0])), "t = 26 is not a step"),
-        (Measurement(1.0, "near", np.array([1.0, 2.0])), "sensor 'near' has 1 value, 2 came"),
+        (
+            Measurement(1.5, "near", np.array([1.0]), 3),
+            "line 3: the sample of sensor 'near' at t = 1.5 is not at",
+        ),
+        (Measurement(26.0, "near", np.array([1.0])), r"sensor 'near' at t = 26 lies outside the horizon \[1, 25\]"),
+        (Measurement(1.0, "near", np.array([1.0, 2.0])), "sensor 'near' has 2 values, it must have 1"),
     ],
 )
 def test_measurements_that_do_not_fit(measurement, words):
@@ -186,7 +189,7 @@ def test_several_wrong_measurements_are_reported_together():
 def test_a_sensor_that_reports_twice_at_a_step():
     problem = make()
     twice = [Measurement(3.0, "near", np.array([1.0]))] * 2
-    with pytest.raises(ProblemError, match="reports twice at t = 3"):
+    with pytest.raises(ProblemError, match="sensor 'near' has a second sample at t = 3"):
         hybrid.run_filter(problem, hybrid.solve(problem, Alternate()), twice)
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import document, read_problem
 from occontrol.core.errors import ProblemError
 from occontrol.core.solution import Status
 from occontrol.families.precision.family import FAMILY as precision
-from occontrol.files.problem_file import document, read_problem
 from tests.families.precision.files import BASE, MOMENTS, load
 
 PROBLEMS = Path(__file__).parents[3] / "problems"

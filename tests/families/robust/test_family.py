@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from occontrol.api import document, read_problem
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
@@ -17,7 +18,6 @@ from occontrol.families.robust.family import FAMILY
 from occontrol.families.robust.methods import All, Fixed, OneStep, Optimal, Random, RelaxedShares
 from occontrol.families.robust.plant import UncertainPlant
 from occontrol.families.robust.problem import Problem
-from occontrol.files.problem_file import document, read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 solve, certify, online = FAMILY.solve, FAMILY.certify, FAMILY.online

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from occontrol.api import read_problem
 from occontrol.core.errors import ProblemError
 from occontrol.families.robust.family import FAMILY
-from occontrol.files.problem_file import read_problem
 
 BASE = """\
 family: robust

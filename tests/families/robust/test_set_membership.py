@@ -168,3 +168,32 @@ def test_measurements_matter_only_for_sizes_of_mixed_degree():
             plans.append(search(table).sequence)
         changed += plans[0] != plans[1]
     assert changed > 0
+
+
+def test_steps_by_name_are_the_measurements_of_the_sensor_in_use():
+    _, plain = online("trace")
+    table, _ = online("trace")
+    named = OnlineSwitching(table, PLANT, names=("left", "right", "third")[: table.sensors])
+    k = 0
+    while not named.finished:
+        (name,) = named.next_sensors
+        y = None if k == 1 else C[plain.sensor] @ plain.states.center + 0.05
+        states = plain.measure(y)
+        step = named.step({name: y} if k < 1 else y if k > 1 else {name: [np.nan]})
+        assert step.time == states.time and step.dimension == (0 if y is None else 1)
+        assert np.array_equal(step.estimate, states.center) and step.level == states.level
+        assert np.array_equal(step.covariance, states.shape * states.level)
+        assert step.standard_deviation == pytest.approx(states.half_widths, rel=1e-12)
+        assert step.guarantee == plain.guarantee and step.next_sensors == named.next_sensors
+        assert step.prediction.shape == (0,) and np.isnan(step.nis)
+        k += 1
+    assert k == len(EDGES) - 1 and step.next_sensors == ()
+    again = OnlineSwitching(table, PLANT)
+    assert again.next_sensors == (f"sensor {again.sensor + 1}",)
+    with pytest.raises(UsageError, match=r"there is no sensor 'sensr 1'\n  hint: did you mean 'sensor 1'\?"):
+        again.step({"sensr 1": [0.0]})
+    other = "sensor 2" if again.sensor == 0 else "sensor 1"
+    with pytest.raises(UsageError, match=f"{other}' is not in use, in use: sensor"):
+        again.step({other: [0.0]})
+    with pytest.raises(UsageError, match="is 1 finite values, not"):
+        again.step([0.0, 1.0])

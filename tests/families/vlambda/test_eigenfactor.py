@@ -13,9 +13,9 @@ from occontrol.families.vlambda.eigenfactor import (
     measurement_update,
     thin_svd,
     time_update,
-    whiten,
 )
 from occontrol.families.vlambda.eigenfactor_covariance import measurement_update_covariance, time_update_covariance
+from occontrol.numerics.linalg import whiten
 
 
 def covariance(generator, n):

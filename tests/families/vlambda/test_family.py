@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import read_problem
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.core.plant import DiscretePlant
@@ -17,7 +18,6 @@ from occontrol.families.vlambda.family import FAMILY as vlambda
 from occontrol.families.vlambda.methods import Fixed, Lookahead, Optimal
 from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor
-from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 solve = vlambda.solve

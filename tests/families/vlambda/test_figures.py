@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from occontrol.api import run_filter, simulate, solve
+from occontrol.api import compare_figure, estimate_figures, figures_of, run_filter, simulate, solve
 from occontrol.core.plant import DiscretePlant
 from occontrol.families.hybrid import problem as hybrid_problem
 from occontrol.families.hybrid.plant import JumpPlant, Mode
 from occontrol.families.hybrid.sensor import JumpSensor
 from occontrol.families.vlambda import problem as vlambda_problem
 from occontrol.families.vlambda.sensor import DiscreteSensor
-from occontrol.files.figures import compare_figure, estimate_figures, figures_of, style
+from occontrol.files.figures import style
 
 LONG = [f"a rather long name of sensor {i:02d} of the array" for i in range(50)]
 ROWS = np.random.default_rng(3).standard_normal((50, 1, 2))

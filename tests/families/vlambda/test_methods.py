@@ -168,10 +168,10 @@ def test_result_keys_keep_their_order_and_come_back_from_a_file(problem, method)
     for entry in numbers.schedule:
         located = ["locations"] if entry.location is not None else []
         assert list(entry.as_dict()) == ["epoch", "k", "sensors", "scores", "location", *located]
-    again = SelectionResult.from_dict(json.loads(to_json(solution.result)))
+    again = SelectionResult.from_dict(json.loads(to_json(dict(solution.result))))
     assert again == numbers
     assert all(isinstance(entry, EpochEntry) for entry in again.schedule)
-    assert numbers_of(dataclasses.replace(solution, numbers=None)) == numbers
+    assert numbers_of(dataclasses.replace(solution, numbers=again)) == numbers
     certified = FAMILY.certify(problem, solution.schedule, FAMILY.claims_of(problem, solution))
     assert certified.cost == pytest.approx(solution.cost, rel=1e-12)
     assert certified.status is not Status.DISAGREES

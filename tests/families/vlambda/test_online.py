@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import read_problem
 from occontrol.core.errors import ProblemError, SolveFailed, UsageError
 from occontrol.core.measurement import Measurement
 from occontrol.core.plant import DiscretePlant
@@ -17,7 +18,6 @@ from occontrol.families.vlambda.online import OnlineSelector
 from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor, Region
 from occontrol.families.vlambda.sensor_choice import EigenspaceChooser
-from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 solve, simulate, run_filter, online = FAMILY.solve, FAMILY.simulate, FAMILY.run_filter, FAMILY.online
@@ -55,10 +55,10 @@ def test_a_loop_that_measures_what_it_is_told_equals_the_run(oshman):
         innovation = data[k][told[0]] - H @ x
         nis = innovation @ np.linalg.solve(H @ P @ H.T + R, innovation)
         P, x = A @ P @ A.T + K @ R @ K.T, x + K @ innovation
-        assert done.mean == pytest.approx(x, rel=1e-9, abs=1e-10)
-        assert done.standard_deviations == pytest.approx(np.sqrt(np.diag(P)), rel=1e-9)
-        assert done.innovation == pytest.approx(nis, rel=1e-7, abs=1e-10)
-        assert (done.step, done.dimension, done.missing) == (k, 2, ())
+        assert done.estimate == pytest.approx(x, rel=1e-9, abs=1e-10)
+        assert done.standard_deviation == pytest.approx(np.sqrt(np.diag(P)), rel=1e-9)
+        assert done.nis == pytest.approx(nis, rel=1e-7, abs=1e-10)
+        assert (done.time, done.dimension, done.missing) == (k, 2, ())
         F = oshman.plant.F.at(k)
         P, x = F @ P @ F.T + oshman.plant.Q.at(k), F @ x
         told = done.next_sensors
@@ -138,12 +138,18 @@ def test_missing_values_of_a_sample_are_left_out_and_announced(oshman):
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        (Measurement(3.0, "one", np.array([1.0, np.inf]), 9), r"line 9: sensor 'one' has 2 values, an infinite one"),
+        (Measurement(3.0, "one", np.array([1.0, np.inf]), 9), r"line 9: the sample of sensor 'one' is infinite"),
         (Measurement(3.0, "four", np.zeros(2), 9), r"line 9: there is no sensor 'four'"),
-        (Measurement(3.5, "one", np.zeros(2), 9), r"line 9: t = 3.5 is not a step of the horizon"),
-        (Measurement(300.0, "one", np.zeros(2), 9), r"t is k = 0 \.\. 299"),
-        (Measurement(3.0, "one", np.zeros(1), 9), r"line 9: sensor 'one' has 2 values, 1 came"),
-        (Measurement(3.0, "three", np.zeros(2), 9), r"line 9: sensor 'three' is there twice at k = 3"),
+        (
+            Measurement(3.5, "one", np.zeros(2), 9),
+            r"sensor 'one' at t = 3.5 is not at a step\n  hint: the nearest steps are 3 and 4",
+        ),
+        (
+            Measurement(300.0, "one", np.zeros(2), 9),
+            r"line 9: .* outside the horizon \[0, 299\]\n  hint: t is 0, 1, \.\. 299",
+        ),
+        (Measurement(3.0, "one", np.zeros(1), 9), r"line 9: the sample of sensor 'one' has 1 value, it must have 2"),
+        (Measurement(3.0, "three", np.zeros(2), 9), r"line 9: sensor 'three' has a second sample at t = 3"),
     ],
 )
 def test_samples_that_do_not_fit_are_refused_with_their_line(oshman, bad, words):

@@ -11,7 +11,8 @@ from occontrol.families.athans.filter.online import MODELS, Plan, make_plan
 from occontrol.families.athans.filter.sampled_model import SampledModel, exact_model
 from occontrol.families.athans.filter.simulate import draw
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.numerics.consistency import Consistency, nees, whitener
+from occontrol.numerics.consistency import Consistency, nees
+from occontrol.numerics.linalg import solve_lower, whitener
 
 
 def expected_nees(problem: SchedulingProblem, schedule: Schedule, model: str = "split") -> np.ndarray:
@@ -84,6 +85,6 @@ def monte_carlo(
         error = readings[k] - x @ own.observe[k].T - own.offset[k]
         mean[:, k + 1] = x @ own.transition[k].T + own.input[k] + error @ plan.gain[k].T
         if error.shape[1]:
-            nis[:, k] = np.sum(error * np.linalg.solve(plan.innovation[k], error.T).T, axis=1)
+            nis[:, k] = np.sum(solve_lower(plan.innovation_root[k], error.T) ** 2, axis=0)
     value, degrees = nees(states, mean, plan.covariance)
     return Consistency(own.edges, nis, own.dimension, value, degrees)

@@ -15,16 +15,18 @@ from functools import partial
 import numpy as np
 
 from occontrol.core.arrange import arrange
+from occontrol.core.errors import plural
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.athans.filter.consistency import expected_nees
 from occontrol.families.athans.filter.gains import USED
-from occontrol.families.athans.filter.online import MatchedFilter, Step
+from occontrol.families.athans.filter.online import MatchedFilter, MatchedStep
 from occontrol.families.athans.filter.sampled_model import SampledModel
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.consistency import average_band
 
+OUTLIER = 1e-6  # a consistent sample lies beyond the level that is called an outlier with this probability
 COARSE = 1.2  # expected NEES per state above which the split filter is called too coarse
 
 
@@ -33,6 +35,7 @@ def run_filter(
     schedule: Schedule,
     measurements: Sequence[Measurement],
     model: str | SampledModel = "split",
+    gate: float | None = None,
 ) -> Estimate:
     """Estimate the state and predict w(Tp) from measurements along a schedule.
 
@@ -42,18 +45,19 @@ def run_filter(
     schedule : Schedule with N intervals
     measurements : each the average of one sensor over the interval that ends at its time, in any order
     model : "split" or "exact" (see online.py)
+    gate : probability; samples so far off that a consistent one would be nearer with this probability are left out
 
-    Returns an Estimate with one row per edge, the first being the initial one; its notes tell of missing samples and
-    of the average NIS with its 99 % band. Raises ProblemError naming line and sensor of every measurement that does
-    not belong to the schedule.
+    Returns an Estimate with one row per edge, the first being the initial one; its notes tell of missing samples, of
+    those that the gate left out or the worst that would deserve it, and of the average NIS with its 99 % band.
+    Raises ProblemError naming line and sensor of every measurement that does not belong to the schedule.
     """
-    matched = MatchedFilter(problem, schedule, model)
+    matched = MatchedFilter(problem, schedule, model, gate=gate)
     sampled = matched.model
     samples = arrange(sampled.edges, sampled.names, sampled.rows, sampled.active, measurements)
     steps = [matched.state()]
     for sample in samples:
         steps.append(matched.step(sample))
-    notes = _notes(matched.model, steps)
+    notes = _notes(sampled, steps, gate)
     if model == "split":
         worst = float(np.max(expected_nees(problem, schedule)))
         if worst > COARSE:
@@ -64,7 +68,7 @@ def run_filter(
     deviation = np.array([_deviation(s.covariance) for s in steps])
     output = _present_output(problem, steps)
     return Estimate(
-        times=matched.model.edges,
+        times=sampled.edges,
         mean=np.array([s.estimate for s in steps]),
         standard_deviation=deviation,
         predicted=np.array([s.prediction for s in steps]),
@@ -82,7 +86,7 @@ def _deviation(covariance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
 
-def _present_output(problem: SchedulingProblem, steps: Sequence[Step]) -> tuple[np.ndarray, np.ndarray]:
+def _present_output(problem: SchedulingProblem, steps: Sequence[MatchedStep]) -> tuple[np.ndarray, np.ndarray]:
     """w(t) = D(t) x(t) and its standard deviation at every node."""
     D = problem.output.sample(np.array([s.time for s in steps]))
     with np.errstate(invalid="ignore"):  # only D(Tp) has to be finite; elsewhere the fields stay empty
@@ -91,9 +95,9 @@ def _present_output(problem: SchedulingProblem, steps: Sequence[Step]) -> tuple[
     return mean, deviation
 
 
-def _notes(model: SampledModel, steps: Sequence[Step]) -> tuple[str, ...]:
-    notes = []
-    arrived = np.array([s.dimension for s in steps[1:]])
+def _notes(model: SampledModel, steps: Sequence[MatchedStep], gate: float | None) -> tuple[str, ...]:
+    notes = [note for note in (_outlier(steps, model) if gate is None else _gated(steps, gate),) if note]
+    arrived = np.array([s.dimension + s.skipped_values for s in steps[1:]])
     missing = np.flatnonzero(arrived < model.dimension)
     if len(missing):
         lost, planned, first = int(np.sum(model.dimension - arrived)), int(np.sum(model.dimension)), missing[0]
@@ -109,6 +113,39 @@ def _notes(model: SampledModel, steps: Sequence[Step]) -> tuple[str, ...]:
         verdict = "inside" if low <= total / values <= high else "OUTSIDE"
         notes.append(f"NIS: {total / values:.4g} per value on average, {verdict} its 99 % band [{low:.4g}, {high:.4g}]")
     return tuple(notes)
+
+
+def _outlier(steps: Sequence[MatchedStep], model: SampledModel) -> str:
+    """The sample that is least likely to belong to this plant, if it is beyond the level of an outlier."""
+    from scipy.stats import chi2
+
+    found = [
+        (float(chi2.logsf(nis, degrees)), s.time, name, nis, degrees)
+        for s in steps
+        for name, (nis, degrees) in s.samples.items()
+    ]
+    beyond = [each for each in found if each[0] < np.log(OUTLIER)]
+    if not beyond:
+        return ""
+    # far out the probability is zero to rounding: of several such samples the one with the largest NIS per value
+    _, time, name, nis, degrees = min(beyond, key=lambda each: (each[0], -each[3] / each[4]))
+    limit = float(chi2.isf(OUTLIER, degrees))
+    others = f" (and {plural(len(beyond) - 1, 'other sample')})" if len(beyond) > 1 else ""
+    return (
+        f"outlier: the sample of sensor '{name}' at t = {time:.9g}{others} does not fit: its NIS is {nis:.4g}, which "
+        f"exceeds {limit:.4g} once in a million for {plural(degrees, 'value')}; a gate leaves such samples out"
+    )
+
+
+def _gated(steps: Sequence[MatchedStep], gate: float) -> str:
+    """What the gate left out."""
+    found = [(s.time, name, s.samples[name][0]) for s in steps for name in s.skipped]
+    if not found:
+        return ""
+    time, name, nis = found[0]
+    first = f"sensor '{name}' at t = {time:.9g}, NIS {nis:.4g}"
+    number = plural(len(found), "sample")
+    return f"gate {gate:g}: {number} left out ({'it is of' if len(found) == 1 else 'the first is of'} {first})"
 
 
 def continuous_gain(
@@ -144,8 +181,7 @@ def continuous_gain(
         return (A @ S + S @ A.T + plant.noise.at(t) - loss).ravel()
 
     state = plant.covariance.ravel()
-    order = [schedule.names.index(name) for name in problem.sensors.names]
-    for k, v in enumerate(schedule.weights[:, order]):
+    for k, v in enumerate(schedule.on_grid(schedule.edges, problem.sensors.names)):
         span = (float(schedule.edges[k]), float(schedule.edges[k + 1]))
         right = partial(rate, v)
         path = solve_ivp(right, span, state, "LSODA", dense_output=True, rtol=rtol, atol=1e-4 * rtol * scale)
@@ -183,7 +219,6 @@ def continuous_filter(
 
     covariance, _ = continuous_gain(problem, schedule, rtol / 10)
     plant, sensors = problem.plant, problem.sensors
-    order = [schedule.names.index(name) for name in sensors.names]
     state, states = plant.mean, [plant.mean]
 
     def rate(weights: np.ndarray, t: float, x: np.ndarray) -> np.ndarray:
@@ -197,7 +232,7 @@ def continuous_filter(
                 change = change + weights[j] * covariance(t) @ C.T @ error
         return change
 
-    for k, v in enumerate(schedule.weights[:, order]):
+    for k, v in enumerate(schedule.on_grid(schedule.edges, sensors.names)):
         span = (float(schedule.edges[k]), float(schedule.edges[k + 1]))
         path = solve_ivp(partial(rate, v), span, state, "LSODA", rtol=rtol, atol=rtol * 1e-3)
         state = path.y[:, -1]

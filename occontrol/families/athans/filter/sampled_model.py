@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from occontrol.core.signal import Signal
 from occontrol.families.athans.discretise import half_predicts
 from occontrol.families.athans.filter.gains import USED
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.numerics.linalg import square_root
 from occontrol.numerics.transition import transitions
 
 
@@ -73,6 +75,22 @@ class SampledModel:
     def dimension(self) -> np.ndarray:
         """(N,) number m of values that arrive at the end of each interval."""
         return np.array([len(d) for d in self.offset])
+
+    @cached_property
+    def noise_roots(self) -> list[np.ndarray]:
+        """N arrays N_k (n + m, n + m), the rows of w first: N_k N_k' = [[Q, S], [S', R]]."""
+        roots: list[np.ndarray] = [np.zeros((0, 0))] * self.intervals
+        for m in np.unique(self.dimension):
+            which = np.flatnonzero(self.dimension == m)
+            joint = np.empty((len(which), self.states + m, self.states + m))
+            n = self.states
+            for block, k in zip(joint, which, strict=True):
+                block[:n, :n], block[:n, n:] = self.noise[k], self.cross[k]
+                block[n:, :n], block[n:, n:] = self.cross[k].T, self.reading_noise[k]
+            # in units of the standard deviations, for blocks of very different units keep their digits that way
+            for k, root in zip(which, square_root(joint, floor=0.0), strict=True):
+                roots[k] = root
+        return roots
 
     def places(self, k: int) -> dict[int, slice]:
         """Where the reading of each sensor in use stands among the stacked values of interval k."""
@@ -148,6 +166,7 @@ def exact_model(problem: SchedulingProblem, schedule: Schedule) -> SampledModel:
     problem : SchedulingProblem
     schedule : Schedule over its horizon; weights may be fractional
     """
+    schedule.require_horizon(problem.edges)
     plant, n, h = problem.plant, problem.states, np.diff(schedule.edges)
     active, theta = _in_use(problem, schedule)
     N = len(h)
@@ -173,6 +192,7 @@ def split_model(problem: SchedulingProblem, schedule: Schedule) -> SampledModel:
     problem : SchedulingProblem
     schedule : Schedule over its horizon; weights may be fractional
     """
+    schedule.require_horizon(problem.edges)
     if not np.array_equal(problem.edges, schedule.edges):
         problem = replace(problem, edges=schedule.edges)
     plant, n, N = problem.plant, problem.states, problem.intervals
@@ -196,9 +216,7 @@ def split_model(problem: SchedulingProblem, schedule: Schedule) -> SampledModel:
 def _in_use(problem: SchedulingProblem, schedule: Schedule) -> tuple[list[tuple[int, ...]], list[np.ndarray]]:
     """Sensors in use on each interval, and the block diagonal of their Theta/(h v) at the midpoint."""
     edges = schedule.edges
-    order = [problem.sensors.index(name) for name in schedule.names]
-    weights = np.zeros((len(edges) - 1, len(problem.sensors)))
-    weights[:, order] = schedule.weights
+    weights = schedule.on_grid(edges, problem.sensors.names)
     samples = [sensor.noise.sample((edges[1:] + edges[:-1]) / 2) for sensor in problem.sensors]
     active, blocks = [], []
     for k, h in enumerate(np.diff(edges)):

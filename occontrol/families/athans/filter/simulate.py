@@ -15,6 +15,7 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.athans.filter.sampled_model import SampledModel, exact_model
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.numerics.linalg import square_root
 
 
 def draw(model: SampledModel, seeds: Sequence[int]) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -33,24 +34,14 @@ def draw(model: SampledModel, seeds: Sequence[int]) -> tuple[np.ndarray, list[np
     for i, seed in enumerate(seeds):
         luck[i] = np.random.default_rng(seed).standard_normal((N + 1, n + width))
     states, readings = np.empty((len(seeds), N + 1, n)), []
-    states[:, 0] = model.mean + luck[:, 0, :n] @ _root(model.covariance).T
+    states[:, 0] = model.mean + luck[:, 0, :n] @ square_root(model.covariance, floor=0.0).T
     for k in range(N):
         m = len(model.offset[k])
-        joint = np.block([[model.noise[k], model.cross[k]], [model.cross[k].T, model.reading_noise[k]]])
-        shock = luck[:, k + 1, : n + m] @ _root(joint).T
+        shock = luck[:, k + 1, : n + m] @ model.noise_roots[k].T
         x = states[:, k]
         states[:, k + 1] = x @ model.transition[k].T + model.input[k] + shock[:, :n]
         readings.append(x @ model.observe[k].T + model.offset[k] + shock[:, n:])
     return states, readings
-
-
-def _root(matrix: np.ndarray) -> np.ndarray:
-    """G with G G' = matrix, also when that is singular."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    scale[scale == 0] = 1.0
-    # scaled to a correlation matrix first: blocks of very different units then keep their digits
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def simulate(
