@@ -209,8 +209,10 @@ def make_solution(
     iterations : of the method, in whatever it counts
     arrays : what arrays.npz will hold, by name
     schedule : on which the numbers are, if there is one
-    certificate : cost and proven bound, if there is one
+    certificate : cost and proven bound, if there is one; where it contradicts itself the status is `disagrees`
     """
+    if certificate is not None and certificate.contradicts:
+        status, message = Status.DISAGREES, certificate.text
     return Solution(
         family=problem.family,
         method=method,

@@ -11,7 +11,7 @@ import numpy as np
 
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
-from occontrol.core.solution import Solution, Status
+from occontrol.core.solution import Solution, Status, make_solution
 from occontrol.families.hybrid.imm import start
 from occontrol.families.hybrid.imm_kernel import predict_step, score_groups
 from occontrol.families.hybrid.monte_carlo import Experiment, Runs, monte_carlo
@@ -78,18 +78,17 @@ def judge(problem: Problem, method: GroupMethod, monitor: Monitor) -> Solution:
     numbers = _numbers(problem, tried, outcomes, use.mean(axis=0), schedule)
     if method.constant:
         numbers = dataclasses.replace(numbers, sensor=_labels(tried)[0])
-    return Solution(
-        family="hybrid",
+    return make_solution(
+        problem=problem,
         method=method.name,
         status=status,
         message=message,
+        numbers=numbers,
+        monitor=watch,
+        began=began,
         iterations=done,
-        seconds=time.perf_counter() - began,
         arrays=_arrays(problem, outcomes, first, schedule, use @ member),
         schedule=schedule,
-        history=tuple(watch.history),
-        problem=problem,
-        numbers=numbers,
     )
 
 

@@ -75,7 +75,7 @@ def certify(problem: Problem, schedule: Schedule, claims: Claims | None = None) 
     elif claims is not None and claims.lower_bound is not None and claims.lower_bound > best * (1 + AGREEMENT):
         message = f"the run says that nothing costs less than {claims.lower_bound:.10g}, but {best:.10g} is reached"
         status = Status.DISAGREES
-    return assemble(problem, Outcome(selection, status, message, proof), method="given", began=began)
+    return assemble(problem, Outcome(selection, status, message, proof), method="given", began=began, monitor=Monitor())
 
 
 def _given(problem: Problem, schedule: Schedule) -> SequenceChooser:

@@ -60,7 +60,7 @@ class VLambda(Family):
         chosen, watch = self._fitting(problem, method), (monitor or Monitor()).child()
         began = time.perf_counter()
         outcome = chosen.run(problem, watch)
-        return assemble(problem, outcome, method=chosen.name, began=began, history=tuple(watch.history))
+        return assemble(problem, outcome, method=chosen.name, began=began, monitor=watch)
 
     def _fitting(self, problem: Problem, method: Rule | Optimal | str | None) -> Rule | Optimal:
         chosen = self.choose(problem, method)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
 
+from occontrol.core.monitor import Monitor
 from occontrol.core.result import ResultData
 from occontrol.core.schedule import Schedule
-from occontrol.core.solution import Certificate, Solution
+from occontrol.core.solution import Certificate, Solution, make_solution
 from occontrol.families.vlambda.baselines import SequenceChooser
 from occontrol.families.vlambda.outcome import Outcome, cost_of
 from occontrol.families.vlambda.problem import Problem
@@ -106,9 +106,7 @@ class SelectionResult(ResultData):
         return super().from_dict({**content, "schedule": entries})
 
 
-def assemble(
-    problem: Problem, outcome: Outcome, *, method: str, began: float, history: tuple[Mapping[str, float], ...] = ()
-) -> Solution:
+def assemble(problem: Problem, outcome: Outcome, *, method: str, began: float, monitor: Monitor) -> Solution:
     """The Solution of what a method handed over.
 
     Parameters
@@ -117,7 +115,7 @@ def assemble(
     outcome : Outcome
     method : its name
     began : time.perf_counter() at the start
-    history : records of the monitor
+    monitor : that watched it
     """
     selection, proof, scales = outcome.selection, outcome.proof, problem.scales
     cost, largest = cost_of(problem, selection), selection.eigenvalues[:, 0]
@@ -153,20 +151,19 @@ def assemble(
         "scores": np.array([c.scores for c in selection.choices]),
         "selected": _selected(selection, problem.select),
     }
-    return Solution(
-        family="vlambda",
+    return make_solution(
+        problem=problem,
         method=method,
         status=outcome.status,
         message=outcome.message,
+        numbers=numbers,
+        monitor=monitor,
+        began=began,
         iterations=problem.epochs,
-        seconds=time.perf_counter() - began,
         arrays=arrays,
         schedule=schedule,
         # a bound over a grid of locations is no certificate for free ones
         certificate=None if proof is None or proof.bound_holds_for else certificate,
-        history=history,
-        problem=problem,
-        numbers=numbers,
     )
 
 
