@@ -9,7 +9,7 @@ from typing import Any, Self
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Solution
 
-_OPTIONAL: dict[str, Any] = {"default": None, "metadata": {"optional": True}}
+_OPTIONAL = {"optional": True}  # no entry where it is None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,18 +82,18 @@ class BatchRecord(ResultData):
     batch: int
     status: str
     smallest_factor: float
-    objective: float | None = field(**_OPTIONAL)
-    lower_bound: float | None = field(**_OPTIONAL)
-    active: int | None = field(**_OPTIONAL)
-    active_sensors: list[str] | None = field(**_OPTIONAL)
-    margin: float | None = field(**_OPTIONAL)
-    relative_margin: float | None = field(**_OPTIONAL)
-    least_active: int | None = field(**_OPTIONAL)
-    rms_error: float | None = field(**_OPTIONAL)
-    filter_relative_margin: float | None = field(**_OPTIONAL)
-    guarantee: bool | None = field(**_OPTIONAL)
-    nis: float | None = field(**_OPTIONAL)
-    pruning: PruningRecord | None = field(**_OPTIONAL)
+    objective: float | None = field(default=None, metadata=_OPTIONAL)
+    lower_bound: float | None = field(default=None, metadata=_OPTIONAL)
+    active: int | None = field(default=None, metadata=_OPTIONAL)
+    active_sensors: list[str] | None = field(default=None, metadata=_OPTIONAL)
+    margin: float | None = field(default=None, metadata=_OPTIONAL)
+    relative_margin: float | None = field(default=None, metadata=_OPTIONAL)
+    least_active: int | None = field(default=None, metadata=_OPTIONAL)
+    rms_error: float | None = field(default=None, metadata=_OPTIONAL)
+    filter_relative_margin: float | None = field(default=None, metadata=_OPTIONAL)
+    guarantee: bool | None = field(default=None, metadata=_OPTIONAL)
+    nis: float | None = field(default=None, metadata=_OPTIONAL)
+    pruning: PruningRecord | None = field(default=None, metadata=_OPTIONAL)
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
@@ -127,22 +127,22 @@ class PrecisionResult(ResultData):
 
     name: str
     smallest_factor: float
-    preventing_direction: list[float] | None = field(**_OPTIONAL)
-    infeasible_batch: int | None = field(**_OPTIONAL)
-    objective: float | None = field(**_OPTIONAL)
-    cost: float | None = field(**_OPTIONAL)
-    lower_bound: float | None = field(**_OPTIONAL)
-    relative_gap: float | None = field(**_OPTIONAL)
-    precisions: list[float] | None = field(**_OPTIONAL)
-    active: int | None = field(**_OPTIONAL)
-    active_sensors: list[str] | None = field(**_OPTIONAL)
-    margin: float | None = field(**_OPTIONAL)
-    relative_margin: float | None = field(**_OPTIONAL)
-    total_precision: float | None = field(**_OPTIONAL)
-    least_active: int | None = field(**_OPTIONAL)
-    batches: Sequence[BatchRecord] | None = field(**_OPTIONAL)
-    rms_error: float | None = field(**_OPTIONAL)
-    pruning: PruningRecord | None = field(**_OPTIONAL)
+    preventing_direction: list[float] | None = field(default=None, metadata=_OPTIONAL)
+    infeasible_batch: int | None = field(default=None, metadata=_OPTIONAL)
+    objective: float | None = field(default=None, metadata=_OPTIONAL)
+    cost: float | None = field(default=None, metadata=_OPTIONAL)
+    lower_bound: float | None = field(default=None, metadata=_OPTIONAL)
+    relative_gap: float | None = field(default=None, metadata=_OPTIONAL)
+    precisions: list[float] | None = field(default=None, metadata=_OPTIONAL)
+    active: int | None = field(default=None, metadata=_OPTIONAL)
+    active_sensors: list[str] | None = field(default=None, metadata=_OPTIONAL)
+    margin: float | None = field(default=None, metadata=_OPTIONAL)
+    relative_margin: float | None = field(default=None, metadata=_OPTIONAL)
+    total_precision: float | None = field(default=None, metadata=_OPTIONAL)
+    least_active: int | None = field(default=None, metadata=_OPTIONAL)
+    batches: Sequence[BatchRecord] | None = field(default=None, metadata=_OPTIONAL)
+    rms_error: float | None = field(default=None, metadata=_OPTIONAL)
+    pruning: PruningRecord | None = field(default=None, metadata=_OPTIONAL)
     route: str
 
     def as_dict(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from occontrol.core.errors import ProblemError
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Solution
 
-_OPTIONAL: dict[str, Any] = {"default": None, "metadata": {"optional": True}}
+_OPTIONAL = {"optional": True}  # no entry where it is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,17 +86,17 @@ class SequenceResult(SwitchingResult):
     sequence: list[str]
     switches: int
     independent: Independent | None
-    sequences: int | None = field(**_OPTIONAL)
-    worst_cost: float | None = field(**_OPTIONAL)
-    ranking: Sequence[Mapping[str, Any]] | None = field(**_OPTIONAL)
-    nodes: int | None = field(**_OPTIONAL)
-    widest_layer: int | None = field(**_OPTIONAL)
-    merged: int | None = field(**_OPTIONAL)
-    dropped: int | None = field(**_OPTIONAL)
-    limit: str | None = field(**_OPTIONAL)
-    relaxed_bound: float | None = field(**_OPTIONAL)
-    one_step_cost: float | None = field(**_OPTIONAL)
-    best_known_cost: float | None = field(**_OPTIONAL)
+    sequences: int | None = field(default=None, metadata=_OPTIONAL)
+    worst_cost: float | None = field(default=None, metadata=_OPTIONAL)
+    ranking: Sequence[Mapping[str, Any]] | None = field(default=None, metadata=_OPTIONAL)
+    nodes: int | None = field(default=None, metadata=_OPTIONAL)
+    widest_layer: int | None = field(default=None, metadata=_OPTIONAL)
+    merged: int | None = field(default=None, metadata=_OPTIONAL)
+    dropped: int | None = field(default=None, metadata=_OPTIONAL)
+    limit: str | None = field(default=None, metadata=_OPTIONAL)
+    relaxed_bound: float | None = field(default=None, metadata=_OPTIONAL)
+    one_step_cost: float | None = field(default=None, metadata=_OPTIONAL)
+    best_known_cost: float | None = field(default=None, metadata=_OPTIONAL)
     schedule: list[dict[str, Any]]
 
     @classmethod
