@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.core.clock import nearest_edge, resolution
 from occontrol.core.errors import Collector, Mistake, ProblemError
 from occontrol.core.schedule import Schedule
 from occontrol.core.sensor import IDLE
 from occontrol.files.positions import in_order
 
 JOIN = 1e-6  # of the horizon: what rounding on paper may leave between two segments, and at the ends
-SNAP = 1e-9  # of the largest time: a switch that close to an edge of the grid is at that edge
 TOTAL = 1e-6
 
 
@@ -62,7 +62,7 @@ def grid_of(problem: Any) -> np.ndarray:
 
 def _switches(segments: Sequence[Segment], edges: np.ndarray, found: Collector, file: str) -> np.ndarray:
     """The K+1 times between the K segments, moved onto edges of the grid that they nearly meet."""
-    slack = JOIN * (edges[-1] - edges[0])
+    slack = JOIN * (edges[-1] - edges[0]) + resolution(edges)
     times = [float(edges[0])]
     for before, segment in zip((None, *segments), segments, strict=False):
         start = times[0] if before is None else before.end
@@ -83,10 +83,8 @@ def _switches(segments: Sequence[Segment], edges: np.ndarray, found: Collector, 
         _add(found, last, f"the segment ends at {last.end:g}, the horizon at {edges[-1]:g}", _cover(edges))
     times[-1] = float(edges[-1])
     switches = np.array(times)
-    right = np.clip(np.searchsorted(edges, switches), 1, len(edges) - 1)
-    nearest = np.where(switches - edges[right - 1] < edges[right] - switches, edges[right - 1], edges[right])
-    scale = max(1.0, float(np.max(np.abs(edges))))
-    switches = np.where(np.abs(switches - nearest) <= SNAP * scale, nearest, switches)
+    nearest, same = nearest_edge(switches, edges)
+    switches = np.where(same, edges[nearest], switches)
     if not found.mistakes and np.any(np.diff(switches) <= 0):
         k = int(np.argmax(np.diff(switches) <= 0))
         _add(found, segments[k], f"the segment from {segments[k].start:.12g} is too short to be told from nothing")

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from occontrol.core.clock import nearest_edge
 from occontrol.core.schedule import Schedule
 from occontrol.core.signal import TableSignal
 from occontrol.core.solution import Certificate
@@ -74,9 +75,7 @@ def _jumps(problem: SchedulingProblem) -> np.ndarray:
     tables = [s for s in problem.signals.values() if isinstance(s, TableSignal) and s.interpolation == "previous"]
     times = np.unique(np.concatenate([np.empty(0), *(table.breakpoints for table in tables)]))
     times = times[(times > problem.edges[0]) & (times < problem.edges[-1])]
-    after = np.searchsorted(problem.edges, times)
-    near = np.minimum(problem.edges[after] - times, times - problem.edges[after - 1])
-    return times[near > 1e-9 * problem.steps[after - 1]]
+    return times[~nearest_edge(times, problem.edges)[1]] if len(times) else times
 
 
 @dataclass(frozen=True)

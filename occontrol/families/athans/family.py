@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from occontrol.core.clock import nearest_edge
 from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
@@ -144,8 +145,8 @@ def on_common_grid(problem: SchedulingProblem, schedule: Schedule) -> tuple[Sche
     problem : SchedulingProblem
     schedule : Schedule over the same horizon, sensors in any order
     """
-    scale = max(1.0, float(np.max(np.abs(problem.edges))))
-    extra = schedule.edges[np.min(np.abs(schedule.edges[:, None] - problem.edges[None]), axis=1) > 1e-9 * scale]
+    _, same = nearest_edge(schedule.edges, problem.edges)
+    extra = schedule.edges[~same]
     edges = np.sort(np.concatenate([problem.edges, extra]))
     if len(extra):
         problem = dataclasses.replace(problem, edges=edges)

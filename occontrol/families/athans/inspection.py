@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from occontrol.core.clock import tolerance
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.transition import transitions
 
@@ -22,7 +23,9 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
     rows = sum(s.rows for s in sensors)
     steps = problem.steps
     spacing = (
-        f"{steps[0]:.4g} each" if np.ptp(steps) < 1e-9 * steps.max() else f"{steps.min():.4g} to {steps.max():.4g}"
+        f"{steps[0]:.4g} each"
+        if np.ptp(steps) <= tolerance(steps.min(), problem.edges)
+        else f"{steps.min():.4g} to {steps.max():.4g}"
     )
     varying = [".".join(map(str, p)) for p, s in problem.signals.items() if not s.constant]
     found = [

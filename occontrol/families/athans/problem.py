@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.checks import check_covariance_signal, check_finite, check_shape, looked_at
+from occontrol.core.clock import elapsed, lengths
 from occontrol.core.errors import Collector, InfeasibleError, Mistake
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, SensorSuite
@@ -182,10 +183,15 @@ class SchedulingProblem:
         """The number N of intervals."""
         return len(self.edges) - 1
 
-    @property
+    @cached_property
     def steps(self) -> np.ndarray:
-        """(N,) lengths of the intervals."""
-        return np.diff(self.edges)
+        """(N,) lengths of the intervals; equal to the last bit on an equally spaced grid."""
+        return lengths(self.edges)
+
+    @cached_property
+    def elapsed(self) -> np.ndarray:
+        """(N+1,) times since the start, which keep their digits wherever time is counted from."""
+        return elapsed(self.edges)
 
     @property
     def midpoints(self) -> np.ndarray:
@@ -224,4 +230,4 @@ class SchedulingProblem:
 
 def uniform_edges(start: float, end: float, intervals: int) -> np.ndarray:
     """(intervals+1,) equally spaced edges."""
-    return np.linspace(start, end, intervals + 1)
+    return np.append(start + np.linspace(0.0, end - start, intervals + 1)[:-1], end)

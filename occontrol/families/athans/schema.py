@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
+from occontrol.core.clock import tolerance
 from occontrol.core.errors import Path, ProblemError
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
@@ -147,7 +148,7 @@ def _edges(horizon: Horizon, context: Context) -> Any:
         if horizon.intervals is not None:
             wrong(("horizon", "intervals"), "horizon has both 'edges' and 'intervals'", "give one of them", True)
         for key, value, edge in (("start", horizon.start, edges[0]), ("end", horizon.end, edges[-1])):
-            if value is not None and abs(value - edge) > 1e-9 * max(1.0, abs(edge)):
+            if value is not None and abs(value - edge) > tolerance(edges[-1] - edges[0], edge):
                 wrong(("horizon", key), f"horizon.{key} is {value:g}, but the edges {key} at {edge:g}", "leave it out")
         return edges if len(context.found.mistakes) == before else None
     start = 0.0 if horizon.start is None else horizon.start

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from occontrol.core.clock import nearest_edge
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.monitor import Monitor
@@ -199,8 +200,7 @@ def certify(problem: Problem, schedule: Schedule, claims: Claims | None = None) 
     from occontrol.families.athans.certificate import false_claims
 
     began, watch = time.perf_counter(), Monitor()
-    scale = max(1.0, float(np.max(np.abs(problem.edges))))
-    near = np.min(np.abs(schedule.edges[:, None] - problem.edges[None]), axis=1) <= 1e-9 * scale
+    _, near = nearest_edge(schedule.edges, problem.edges)
     if np.any(~near):
         edges = np.sort(np.concatenate([problem.edges, schedule.edges[~near]]))
         problem = dataclasses.replace(problem, edges=edges, method=None)

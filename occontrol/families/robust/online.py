@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from occontrol.core.clock import tolerance
 from occontrol.core.errors import UsageError
 from occontrol.families.robust.game import center_weight
 from occontrol.families.robust.plant import UncertainPlant
@@ -62,7 +63,7 @@ class OnlineSwitching:
         Returns the set at `until`. Raises UsageError outside the slot, SolveFailed when the set becomes unbounded.
         """
         end = self.slot_end if until is None else float(until)
-        slack = 1e-9 * max(1.0, abs(self.slot_end))
+        slack = tolerance(self.slot_end - self.states.time, self.slot_end)
         if self.sensor is None:
             raise UsageError("the horizon is over")
         if not self.states.time < end <= self.slot_end + slack:
