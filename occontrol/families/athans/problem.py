@@ -15,6 +15,8 @@ from occontrol.core.errors import Collector, InfeasibleError, Mistake
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, SensorSuite
 from occontrol.core.signal import Signal, TableSignal, as_signal
+from occontrol.families.athans.integration.edges import fitted_edges, missed_windows
+from occontrol.families.athans.integration.options import Integration
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +38,9 @@ class SchedulingProblem:
     select : how many sensors are used at a time
     method : an options object of the family's METHODS, or None for the default
     expect : {source, cost, tolerance}, the known answer, if any
+    integration : accuracy or steps of the integration, and which times become edges
 
+    Ends of windows and jumps of held tables become edges beside those given, see `added_edges` and Integration.
     Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
     Athans (1971), equations (2.1)-(2.30), (3.12), (4.1)-(4.3); R, select and windows are generalisations.
     """
@@ -52,7 +56,10 @@ class SchedulingProblem:
     select: int = 1
     method: Any = None
     expect: Mapping[str, Any] | None = None
+    integration: Integration = Integration()
     family: str = field(default="athans", init=False)
+    added_edges: tuple[tuple[float, str], ...] = field(default=(), init=False, repr=False)
+    warnings: tuple[str, ...] = field(default=(), init=False, repr=False)
 
     def __post_init__(self) -> None:
         found = Collector()
@@ -74,7 +81,10 @@ class SchedulingProblem:
             found.raise_if_any()
         if not isinstance(self.sensors, SensorSuite):  # repeated names do not hide what else is wrong
             object.__setattr__(self, "sensors", tuple(self.sensors))
+        found.mistakes += self.integration.mistakes()
         found.mistakes += self._shapes()
+        if not found.mistakes:
+            found.mistakes += self._fit_edges()
         found.mistakes += self._values({m.path for m in found.mistakes})
         found.raise_if_any()
 
@@ -96,6 +106,17 @@ class SchedulingProblem:
             what = f"predict_at = {self.predict_at:g} lies before the end of the horizon, {edges[-1]:g}"
             found.add(("horizon", "predict_at"), what, "predict_at >= end")
         return found.mistakes
+
+    def _fit_edges(self) -> list[Mistake]:
+        """Add the edges that windows and tables ask for; mistakes where a sensor can never be used."""
+        wrong, warnings = missed_windows(self.sensors, self.edges)
+        options, signals = self.integration, {p: s for p, s in self.signals.items() if p != ("objective", "output")}
+        how = {"windows": options.windows == "edges", "tables": options.substeps is None}
+        edges, added = fitted_edges(self.edges, self.sensors, signals, **how)
+        object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "added_edges", tuple(added))
+        object.__setattr__(self, "warnings", tuple(warnings))
+        return wrong
 
     def _shapes(self) -> list[Mistake]:
         n, found = self.plant.states, []
