@@ -18,7 +18,9 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.signal import TableSignal
 from occontrol.core.solution import Certificate
 from occontrol.families.athans.continuous.reintegration import ContinuousCheck, reintegrate
-from occontrol.families.athans.discretise import discretise
+from occontrol.families.athans.discretise import Recursion, discretise
+from occontrol.families.athans.integration.folded import Extrapolated
+from occontrol.families.athans.integration.integrator import Evaluation
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling.polytope import excess
 from occontrol.scheduling.sweep import Sweep
@@ -28,18 +30,18 @@ FEW = 512  # intervals
 RELATIVE = 1e-6
 
 
-def policy_certificate(sweep: Sweep, weights: np.ndarray, known_bound: float = -np.inf) -> Certificate:
+def policy_certificate(recursion: Recursion, found: Evaluation, known_bound: float = -np.inf) -> Certificate:
     """Cost of a policy and the better of its own lower bound and one known already.
 
     Parameters
     ----------
-    sweep : Sweep
-    weights : (N, M) policy in V
+    recursion : with one step an interval, for the set of the weights
+    found : Evaluation of the policy; its own bound is lowered by its error where it is extrapolated
     known_bound : a proven lower bound of the same recursion, if any
     """
-    r = sweep.recursion
-    J, g = sweep.cost_and_gradient(weights)
-    own = J - float(np.sum(excess(weights, g, r.upper, r.select)))
+    J, g = found.cost, found.gradient
+    own = J - float(np.sum(excess(found.weights, g, recursion.upper, recursion.select)))
+    own -= found.error if isinstance(found.on, Extrapolated) else 0.0
     # no cost is negative (q, R and W are not); a bound may exceed the cost by rounding only
     return Certificate(J, min(max(own, known_bound, 0.0), J))
 
@@ -106,7 +108,13 @@ class Judgement:
         return f"the recursion and the independent integration differ by more than {SAFETY:g} discretisation errors"
 
 
-def judge(problem: SchedulingProblem, weights: np.ndarray, cost: float, relaxed: np.ndarray | None = None) -> Judgement:
+def judge(
+    problem: SchedulingProblem,
+    weights: np.ndarray,
+    cost: float,
+    relaxed: np.ndarray | None = None,
+    error: float | None = None,
+) -> Judgement:
     """Re-integrate a policy (and, for its bound, the relaxed one) in continuous time and compare the cost.
 
     Parameters
@@ -115,13 +123,15 @@ def judge(problem: SchedulingProblem, weights: np.ndarray, cost: float, relaxed:
     weights : (N, M) policy on the problem's edges
     cost : its J by the recursion
     relaxed : (N, M) the relaxed optimum, whose continuous-time bound is the tighter one
+    error : estimated |J - J of continuous time|, if it is known already
     """
     names = tuple(problem.sensors.names)
     check = reintegrate(problem, Schedule(problem.edges, weights, names))
     bound = check.lower_bound
     if relaxed is not None and relaxed is not weights:
         bound = max(bound, reintegrate(problem, Schedule(problem.edges, relaxed, names)).lower_bound)
-    error = discretisation_error(problem, weights, cost)
+    if error is None or not np.isfinite(error):
+        error = discretisation_error(problem, weights, cost)
     allowed = SAFETY * error + RELATIVE * abs(cost) + check.error
     return Judgement(check, max(bound, 0.0), error, bool(abs(check.cost - cost) <= allowed))
 

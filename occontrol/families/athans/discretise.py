@@ -155,8 +155,27 @@ def prediction_weight(problem: SchedulingProblem) -> tuple[np.ndarray, float]:
 
 def discretise(problem: SchedulingProblem, halves: HalfPredicts | None = None) -> Recursion:
     """The Recursion of a scheduling problem on its own grid; `halves` may be passed when they are known already."""
-    n, N, h, middle = problem.states, problem.intervals, problem.steps, problem.midpoints
-    F, Q, predict = _merge(halves or half_predicts(problem))
+    return recursion_on(problem, halves or half_predicts(problem), problem.midpoints, problem.steps)
+
+
+def recursion_on(
+    problem: SchedulingProblem,
+    halves: HalfPredicts,
+    middle: np.ndarray,
+    steps: np.ndarray,
+    owner: np.ndarray | None = None,
+) -> Recursion:
+    """The Recursion of a scheduling problem on N steps of integration.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    halves : of the steps
+    middle, steps : (N,) midpoints and lengths of the steps
+    owner : (N,) the interval of the problem that each step lies in; None: the steps are the intervals
+    """
+    n, N, h = problem.states, len(steps), steps
+    F, Q, predict = _merge(halves)
     rows, row_set, offsets = scaled_rows(problem.sensors, middle)
     cost = np.column_stack([s.cost.sample(middle)[:, 0, 0] for s in problem.sensors]) * h[:, None] * problem.cost_weight
     R = problem.running
@@ -179,6 +198,6 @@ def discretise(problem: SchedulingProblem, halves: HalfPredicts | None = None) -
         running=np.ascontiguousarray((running + np.swapaxes(running, 1, 2)) / 2),
         running_set=running_set,
         terminal=prediction_weight(problem)[0],
-        upper=problem.upper,
+        upper=problem.upper if owner is None else problem.upper[owner],
         select=problem.select,
     )

@@ -52,10 +52,11 @@ def solve(problem: SchedulingProblem, method: Any = None, monitor: Monitor | Non
     Returns a Solution whose status is certified, feasible, limit, interrupted or disagrees.
     Raises InfeasibleError when some interval cannot be filled, SolveFailed when nothing usable was found.
     """
-    from occontrol.families.athans.discretise import discretise, half_predicts
+    from occontrol.families.athans.integration.integrator import Integrator
+    from occontrol.families.athans.integration.refine import relax_and_refine
     from occontrol.families.athans.result import assemble
     from occontrol.families.athans.run_method import run_method
-    from occontrol.scheduling.sweep import Sweep
+    from occontrol.scheduling.relaxation import RelaxedOptions
 
     monitor = monitor or Monitor()
     method = method or problem.method or RelaxRoundPolish()
@@ -63,10 +64,15 @@ def solve(problem: SchedulingProblem, method: Any = None, monitor: Monitor | Non
     started = time.perf_counter()
     if monitor.time_limit is None and getattr(method, "time_limit", None) is not None:
         monitor.time_limit = monitor.seconds + method.time_limit
-    halves = half_predicts(problem)
-    sweep = Sweep(discretise(problem, halves))
-    found = run_method(problem, method, sweep, monitor)
-    return assemble(problem, method.name, sweep, halves, found, monitor, started)
+    if isinstance(method, Collocation):
+        integrator = Integrator(problem, method.relative_gap)
+        found = run_method(problem, method, integrator.sweep, monitor)
+        return assemble(problem, method.name, integrator, integrator.sweep, found, monitor, started)
+    monitor.stage = "relaxation"
+    limits = RelaxedOptions(method.relative_gap, getattr(method, "max_iterations", 500))
+    problem, integrator, relaxed = relax_and_refine(problem, limits, monitor)
+    found = run_method(problem, method, relaxed.sweep, monitor, relaxed)
+    return assemble(problem, method.name, integrator, relaxed.sweep, found, monitor, started)
 
 
 def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | None = None) -> Solution:
@@ -81,22 +87,20 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     Returns a Solution with method "certify"; the bound is the better of the schedule's own and a relaxation's.
     """
     from occontrol.families.athans.certificate import false_claims
-    from occontrol.families.athans.discretise import discretise, half_predicts
+    from occontrol.families.athans.integration.refine import relax_and_refine
     from occontrol.families.athans.result import assemble
     from occontrol.families.athans.run_method import Found
-    from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
-    from occontrol.scheduling.sweep import Sweep
+    from occontrol.scheduling.relaxation import RelaxedOptions
 
     started = time.perf_counter()
     monitor = Monitor()
     problem, weights = on_common_grid(problem, schedule)
     problem.require_feasible()
-    halves = half_predicts(problem)
-    sweep = Sweep(discretise(problem, halves))
     gap = getattr(problem.method, "relative_gap", 1e-4)
-    relaxed = minimise_relaxed(sweep, None, RelaxedOptions(gap), monitor)
+    problem, integrator, finely = relax_and_refine(problem, RelaxedOptions(gap), monitor, refine=False)
+    relaxed = finely.outcome
     found = Found(weights, relaxed.iterations, relaxed.status, "", relaxed, target=gap)
-    solution = assemble(problem, "certify", sweep, halves, found, monitor, started)
+    solution = assemble(problem, "certify", integrator, finely.sweep, found, monitor, started)
     if claims is not None and solution.certificate is not None:
         lowest = min(relaxed.cost, solution.certificate.cost)
         continuous = solution.result["continuous"]["cost"]
@@ -149,7 +153,7 @@ def on_common_grid(problem: SchedulingProblem, schedule: Schedule) -> tuple[Sche
     extra = schedule.edges[~same]
     edges = np.sort(np.concatenate([problem.edges, extra]))
     if len(extra):
-        problem = dataclasses.replace(problem, edges=edges)
+        problem = problem.with_edges([(float(t), "the schedule switches") for t in extra])
     middle = (edges[1:] + edges[:-1]) / 2
     interval = np.clip(np.searchsorted(schedule.edges, middle, side="right") - 1, 0, len(schedule.weights) - 1)
     order = [schedule.names.index(name) for name in problem.sensors.names]
@@ -208,7 +212,7 @@ def simulate(problem: SchedulingProblem, solution: Solution, seed: int = 0) -> t
 
 
 def run_filter(
-    problem: SchedulingProblem, solution: Solution, measurements: Sequence[Measurement], model: str = "split"
+    problem: SchedulingProblem, solution: Solution, measurements: Sequence[Measurement], model: str | None = None
 ) -> Estimate:
     """The matched filter and predictor over a list of measurements.
 
@@ -217,11 +221,13 @@ def run_filter(
     problem : SchedulingProblem
     solution : Solution whose schedule is followed
     measurements : list of Measurement
-    model : "split", whose covariance is the schedule's, or "exact", for coarse grids
+    model : "split", whose covariance is the schedule's with one step of integration an interval, or "exact"; None is
+        the one that belongs to the schedule
     """
     from occontrol.families.athans.filter.kalman_bucy import run_filter as follow
+    from occontrol.families.athans.filter.planned import default_model
 
-    return follow(problem, _schedule_of(solution), measurements, model)
+    return follow(problem, _schedule_of(solution), measurements, model or default_model(solution.result))
 
 
 def _schedule_of(solution: Solution) -> Schedule:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -231,6 +231,13 @@ class SchedulingProblem:
             else:
                 upper[:, j] = [sensor.available(a, b) for a, b in zip(self.edges[:-1], self.edges[1:], strict=True)]
         return upper
+
+    def with_edges(self, extra: Sequence[tuple[float, str]]) -> SchedulingProblem:
+        """The same problem with further edges, each (time, why); `added_edges` lists them with those known before."""
+        edges = np.union1d(self.edges, [t for t, _ in extra])
+        found = replace(self, edges=edges)
+        object.__setattr__(found, "added_edges", tuple(sorted({*self.added_edges, *extra, *found.added_edges})))
+        return found
 
     def require_feasible(self) -> None:
         """Raise InfeasibleError, with the time, where fewer than `select` places can be filled."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,16 @@ from occontrol.families.athans.methods import (
     RelaxRoundPolish,
     RoundRobin,
 )
+from occontrol.families.athans.integration.relaxed import Relaxed as RelaxedFinely
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling import baselines
-from occontrol.scheduling.hminimal import h_minimal, polish
+from occontrol.scheduling.hminimal import SweepOutcome, h_minimal, polish
 from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, minimise_relaxed
 from occontrol.scheduling.rounding import nearest_policy, sum_up_rounding
 from occontrol.scheduling.shaking import shake
 from occontrol.scheduling.sweep import Sweep
 
+REPRICED = 4  # times that the prices are corrected for a schedule
 SHAKEN = 4  # sweeps of the shaken polish for each of the relaxation's, which cost more
 
 
@@ -59,7 +61,9 @@ class Found:
     extra: dict[str, Any] = field(default_factory=dict)
 
 
-def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: Monitor) -> Found:
+def run_method(
+    problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: Monitor, integrated: RelaxedFinely | None = None
+) -> Found:
     """The policy of one method.
 
     Parameters
@@ -68,15 +72,18 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
     method : options object, see families/athans/methods.py
     sweep : Sweep on the problem's recursion
     monitor : Monitor
+    integrated : the relaxation on finer steps, if it was done already; `sweep` then has its corrected prices
 
     Raises SolveFailed when nothing usable was found.
     """
     r = sweep.recursion
+    judge = sweep if integrated is None else integrated.judge
     if isinstance(method, Collocation):
         return _collocate(problem, method, monitor)
     monitor.stage = "relaxation"
     limits = RelaxedOptions(method.relative_gap, getattr(method, "max_iterations", 500))
-    relaxed = minimise_relaxed(sweep, None, limits, monitor)
+    relaxed = minimise_relaxed(sweep, None, limits, monitor) if integrated is None else integrated.outcome
+    inner = relaxed if integrated is None else integrated.inner
     message = _STALLED if relaxed.stalled else ""
     if isinstance(method, Relaxed):
         return Found(relaxed.weights, relaxed.iterations, relaxed.status, message, relaxed, proves=True)
@@ -94,16 +101,19 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
             exact = sweep.keeps_all and not sweep.dense
             starts = candidates if exact else candidates[:1]
             done = [polish(sweep, start, method.polish, monitor) for start in starts]
-            best = min(done, key=lambda o: o.cost)
+            best = min(done, key=lambda o: judge.cost(o.weights)) if judge is not sweep else min(done, key=_cost)
             if exact and best.end == "stationary":
-                enough = relaxed.lower_bound + method.relative_gap * abs(best.cost)
+                scale = abs(best.cost if integrated is None else relaxed.cost)
+                enough = inner.lower_bound + method.relative_gap * scale
                 best = shake(sweep, best, enough, SHAKEN * relaxed.sweeps["gradients"], method.polish, monitor)
+            if judge is not sweep:
+                best = _polish_again(best, relaxed.cost - inner.cost, judge, method, monitor)
             found.weights, found.extra["polish_rounds"] = best.weights, best.iterations
             if best.end == "interrupted":
                 found.status = Status.INTERRUPTED
     elif isinstance(method, HMinimal):
         starts = {
-            "best-single": lambda: baselines.best_single(sweep),
+            "best-single": lambda: baselines.best_single(judge),
             "round-robin": lambda: baselines.round_robin(r),
             "greedy": lambda: baselines.greedy(r),
             "random": lambda: baselines.random_policy(r),
@@ -111,7 +121,7 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
         if method.start not in starts:
             raise SolveFailed(f"hminimal cannot start from '{method.start}'\n  hint: start: {', '.join(starts)}")
         done = h_minimal(
-            sweep, starts[method.start](), method.max_iterations, method.tolerance, method.full_step, monitor
+            judge, starts[method.start](), method.max_iterations, method.tolerance, method.full_step, monitor
         )
         found.weights, found.iterations, found.bound = done.weights, done.iterations, done.lower_bound
         found.extra["end"] = done.end
@@ -119,7 +129,7 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
         if done.end == "interrupted":
             found.status = Status.INTERRUPTED
     elif isinstance(method, BestSingle):
-        found.weights = baselines.best_single(sweep)
+        found.weights = baselines.best_single(judge)
     elif isinstance(method, RoundRobin):
         found.weights = baselines.round_robin(r, method.dwell)
     elif isinstance(method, Random):
@@ -127,6 +137,27 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
     elif isinstance(method, Greedy):
         found.weights = baselines.greedy(r)
     return found
+
+
+def _polish_again(
+    best: SweepOutcome, offset: float, judge: Any, method: RelaxRoundPolish, monitor: Monitor
+) -> SweepOutcome:
+    """The policy polished with prices that were corrected for it, where those of the relaxation cost it wrongly."""
+    cost = judge.cost(best.weights)
+    for _ in range(REPRICED):
+        if abs(best.cost + offset - cost) <= method.relative_gap * abs(cost) or monitor.stop:
+            break
+        sweep = judge.repriced(best.weights)
+        found = polish(sweep, best.weights, method.polish, monitor)
+        value = judge.cost(found.weights)
+        if not value < cost:
+            break
+        offset, best, cost = cost - sweep.cost(best.weights), replace(found, iterations=best.iterations), value
+    return best
+
+
+def _cost(outcome: SweepOutcome) -> float:
+    return outcome.cost
 
 
 _STALLED = (

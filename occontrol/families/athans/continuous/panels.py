@@ -15,6 +15,7 @@ from occontrol.core.clock import elapsed, nearest_edge
 from occontrol.core.errors import SolveFailed
 from occontrol.core.schedule import Schedule
 from occontrol.core.signal import Signal
+from occontrol.families.athans.integration.features import features
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.gauss import gauss_nodes, legendre_coefficients, legendre_powers, tail
 from occontrol.numerics.riccati_flow import balancing, fractional, hamiltonian_matrices, norms, transitions
@@ -107,6 +108,8 @@ class PolicyData:
         start, end = self.edges[0], self.edges[-1]
         inner = [s.breakpoints for s in self.problem.signals.values()]
         inner += [np.ravel(np.asarray(s.windows)) for s in self.problem.sensors if s.windows]
+        # what a formula does between the nodes would be missed: Gauss points are few
+        inner += [self.origin + features(s, self.origin, float(end)) for s in self.problem.signals.values() if s.shape[0]]
         candidates = np.unique(np.concatenate([*inner, np.empty(0)]))
         _, same = nearest_edge(candidates, self.origin + self.edges)
         candidates = candidates[~same] - self.origin

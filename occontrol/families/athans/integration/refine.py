@@ -1,0 +1,92 @@
+"""Edges added where one choice an interval spoils the bound in continuous time, a diffuse start above all.
+
+    delta_i = min_w w.g_i - sum over the steps of interval i of min_w w.g_step
+
+is what the continuous bound loses on interval i to the grid of decisions. Where the sum of these and the policy's own
+excess exceeds TOP of the cost, the worst intervals are cut at steps of the mesh, and the relaxation goes on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from occontrol.core.monitor import Monitor
+from occontrol.families.athans.integration.folded import Extrapolated
+from occontrol.families.athans.integration.integrator import Integrator
+from occontrol.families.athans.integration.relaxed import Relaxed, interval_loss, relax
+from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.scheduling.polytope import excess
+from occontrol.scheduling.relaxation import RelaxedOptions
+
+TOP = 0.01  # of the cost: the gap at the top above which edges are added
+WANTED = 0.005  # of the cost: what the intervals may lose together afterwards
+PARTS = 4
+ROUNDS = 8
+MOST = 120  # edges, beside a quarter of the intervals
+WHY = "one choice would spoil this interval"
+
+
+def relax_and_refine(
+    problem: SchedulingProblem, limits: RelaxedOptions, monitor: Monitor, refine: bool = True
+) -> tuple[SchedulingProblem, Integrator, Relaxed]:
+    """The relaxation of a problem, on further edges where the file lets them be added and they are needed.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    limits : of the relaxation
+    monitor : Monitor
+    refine : False adds no edge whatever the problem says
+
+    Returns the problem with its edges, its Integrator and the relaxation.
+    """
+    integrator = Integrator(problem, limits.relative_gap)
+    found = relax(integrator, limits, monitor)
+    room = problem.intervals // 4 + MOST
+    for _ in range(ROUNDS if refine and problem.integration.refine and problem.integration.substeps is None else 0):
+        if monitor.stop or room <= 0 or not np.isfinite(found.outcome.cost):
+            break
+        extra, parent = _cuts(problem, integrator, found, room)
+        if not len(extra):
+            break
+        room -= len(extra)
+        problem = problem.with_edges([(float(t), WHY) for t in extra])
+        integrator = Integrator(problem, limits.relative_gap)
+        found = relax(integrator, limits, monitor, found.outcome.weights[parent])
+    return problem, integrator, found
+
+
+def _cuts(
+    problem: SchedulingProblem, integrator: Integrator, found: Relaxed, room: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times (K,) at which intervals are to be cut, and the interval (N+K,) that each new one comes from."""
+    v, cost = found.outcome.weights, abs(found.outcome.cost)
+    on = found.on
+    if on is None:
+        on = integrator.extrapolated(integrator.first)
+    if not isinstance(on, Extrapolated):
+        return np.empty(0), np.empty(0)
+    _, g = on.cost_and_gradient(v)
+    loss = interval_loss(on, problem.upper, problem.select)
+    own = float(np.sum(excess(v, g, problem.upper, problem.select)))
+    if not np.sum(loss) + own > TOP * cost:
+        return np.empty(0), np.empty(0)
+    order = np.argsort(-loss, kind="stable")
+    rest = np.sum(loss) - np.cumsum(loss[order])
+    count = int(np.argmax(rest <= 0.5 * WANTED * cost)) + 1 if np.any(rest <= 0.5 * WANTED * cost) else len(order)
+    mesh = on.half.mesh
+    starts, owner = integrator.spans.origin + mesh.starts, mesh.owner
+    times: list[float] = []
+    for i in order[:count]:
+        inner = starts[owner == i][1:]
+        parts = min(PARTS, len(inner) + 1, room - len(times) + 1)
+        if parts < 2 or loss[i] <= 0:
+            continue
+        at = np.unique(np.round(np.arange(1, parts) * (len(inner) + 1) / parts).astype(int)) - 1
+        times += [float(t) for t in inner[np.clip(at, 0, len(inner) - 1)]]
+    extra = np.array(sorted(set(times)))
+    edges = np.sort(np.concatenate([problem.edges, extra]))
+    edges = edges[np.append(True, np.diff(edges) > 16 * np.spacing(np.max(np.abs(edges))))]
+    extra = np.setdiff1d(edges, problem.edges)
+    middle = (edges[1:] + edges[:-1]) / 2
+    return extra, np.searchsorted(problem.edges, middle, side="right") - 1
