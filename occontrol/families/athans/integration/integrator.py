@@ -15,7 +15,7 @@ import numpy as np
 from occontrol.families.athans.discretise import HalfPredicts, Recursion, discretise, half_predicts, scaled_rows
 from occontrol.families.athans.integration.folded import Extrapolated, Folded
 from occontrol.families.athans.integration.local_error import step_errors
-from occontrol.families.athans.integration.mesh import Mesh, first_mesh
+from occontrol.families.athans.integration.mesh import MOST_IN_INTERVAL, Mesh, first_mesh
 from occontrol.families.athans.integration.spans import Spans
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling.sweep import Sweep
@@ -136,6 +136,20 @@ class Integrator:
                 break
             mesh = finer
         return on, J, g
+
+    def unresolved(self, on: Extrapolated, weights: np.ndarray) -> np.ndarray:
+        """(N,) intervals that hold as many steps as may be and still spoil the accuracy.
+
+        Parameters
+        ----------
+        on : that computed its gradient at the policy last
+        weights : (N, M)
+        """
+        if not on.whole.sweep.keeps_all:
+            return np.zeros(self.problem.intervals, dtype=bool)
+        errors = on.whole.gathered(np.abs(4 / 3 * step_errors(on.whole, on.half, weights)))
+        allowed = ROOT_SHARE * np.sqrt(self.accuracy) * abs(on.cost(weights))
+        return (errors > 0.5 * allowed) & (on.mesh.counts > MOST_IN_INTERVAL // 2)
 
     def evaluate(self, weights: np.ndarray) -> Evaluation:
         """What a policy costs, to the accuracy that the problem asks for if the limits on the steps permit.

@@ -8,6 +8,8 @@ excess exceeds TOP of the cost, the worst intervals are cut at steps of the mesh
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from occontrol.core.monitor import Monitor
@@ -19,7 +21,7 @@ from occontrol.scheduling.polytope import excess
 from occontrol.scheduling.relaxation import RelaxedOptions
 
 TOP = 0.01  # of the cost: the gap at the top above which edges are added
-WANTED = 0.005  # of the cost: what the intervals may lose together afterwards
+WANTED = 0.001  # of the cost: the gap at the top that is then aimed at
 PARTS = 4
 ROUNDS = 8
 MOST = 120  # edges, beside a quarter of the intervals
@@ -42,22 +44,26 @@ def relax_and_refine(
     """
     integrator = Integrator(problem, limits.relative_gap)
     found = relax(integrator, limits, monitor)
-    room = problem.intervals // 4 + MOST
+    room, top = problem.intervals // 4 + MOST, TOP
     for _ in range(ROUNDS if refine and problem.integration.refine and problem.integration.substeps is None else 0):
         if monitor.stop or room <= 0 or not np.isfinite(found.outcome.cost):
             break
-        extra, parent = _cuts(problem, integrator, found, room)
+        extra, parent = _cuts(problem, integrator, found, room, top)
         if not len(extra):
             break
-        room -= len(extra)
+        room, top = room - len(extra), WANTED
         problem = problem.with_edges([(float(t), WHY) for t in extra])
         integrator = Integrator(problem, limits.relative_gap)
-        found = relax(integrator, limits, monitor, found.outcome.weights[parent])
+        # the gap itself is needed once the edges are known
+        rough = replace(limits, relative_gap=max(WANTED, limits.relative_gap))
+        found = relax(integrator, rough, monitor, found.outcome.weights[parent])
+    if top < TOP:
+        found = relax(integrator, limits, monitor, found.outcome.weights)
     return problem, integrator, found
 
 
 def _cuts(
-    problem: SchedulingProblem, integrator: Integrator, found: Relaxed, room: int
+    problem: SchedulingProblem, integrator: Integrator, found: Relaxed, room: int, top: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Times (K,) at which intervals are to be cut, and the interval (N+K,) that each new one comes from."""
     v, cost = found.outcome.weights, abs(found.outcome.cost)
@@ -69,18 +75,21 @@ def _cuts(
     _, g = on.cost_and_gradient(v)
     loss = interval_loss(on, problem.upper, problem.select)
     own = float(np.sum(excess(v, g, problem.upper, problem.select)))
-    if not np.sum(loss) + own > TOP * cost:
+    # an interval that is full of steps and still inaccurate is spoilt as well, once edges are added at all
+    coarse = integrator.unresolved(on, v)
+    if not np.sum(loss) + own > top * cost and not (top < TOP and np.any(coarse)):
         return np.empty(0), np.empty(0)
     order = np.argsort(-loss, kind="stable")
-    rest = np.sum(loss) - np.cumsum(loss[order])
-    count = int(np.argmax(rest <= 0.5 * WANTED * cost)) + 1 if np.any(rest <= 0.5 * WANTED * cost) else len(order)
+    below = np.sum(loss) - np.cumsum(loss[order]) <= 0.5 * WANTED * cost
+    count = int(np.argmax(below)) + 1 if np.any(below) else len(order)
+    order = np.concatenate([order[:count], np.setdiff1d(np.flatnonzero(coarse), order[:count])])
     mesh = on.half.mesh
     starts, owner = integrator.spans.origin + mesh.starts, mesh.owner
     times: list[float] = []
-    for i in order[:count]:
+    for i in order:
         inner = starts[owner == i][1:]
         parts = min(PARTS, len(inner) + 1, room - len(times) + 1)
-        if parts < 2 or loss[i] <= 0:
+        if parts < 2 or not (loss[i] > 0 or coarse[i]):
             continue
         at = np.unique(np.round(np.arange(1, parts) * (len(inner) + 1) / parts).astype(int)) - 1
         times += [float(t) for t in inner[np.clip(at, 0, len(inner) - 1)]]

@@ -18,13 +18,14 @@ from occontrol.core.solution import Status
 from occontrol.families.athans.discretise import Recursion
 from occontrol.families.athans.integration.folded import Extrapolated, Folded
 from occontrol.families.athans.integration.integrator import Integrator
-from occontrol.scheduling.polytope import excess, vertex
+from occontrol.scheduling.polytope import excess, uniform, vertex
 from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, minimise_relaxed
 from occontrol.scheduling.sweep import Sweep
 
 ROUNDS = 8
-INNER = 0.5  # of the gap: what the corrected problem is solved to
+INNER = 0.6  # of the gap: what the corrected problem is solved to
 SLOW = 0.5  # a round that leaves more than this share of the excess is too slow
+ROUGH = 10.0  # times the gap: where the recursion with one step an interval only shows the way
 FAR = 0.3  # one step an interval is that far off: its optimum is no place to start from
 
 
@@ -72,13 +73,17 @@ def relax(
         return Relaxed(found, found, sweep, base, None)
     spent = _Spent()
     v = start
-    if start is None and not _far(integrator):
-        inner = spent.add(minimise_relaxed(sweep, None, limits, monitor))
-        v = inner.weights
-        if _accurate(integrator, inner):
-            return Relaxed(inner, inner, sweep, base, None)
-    elif start is None:
-        v = _uniform(base)
+    if start is None:
+        v = uniform(base.upper, base.select)
+        off = _off(integrator, v)
+        if off <= integrator.accuracy:
+            inner = spent.add(minimise_relaxed(sweep, None, limits, monitor))
+            v = inner.weights
+            if integrator.evaluate(v).on is None:
+                return Relaxed(inner, inner, sweep, base, None)
+        elif off <= FAR:
+            rough = replace(limits, relative_gap=ROUGH * gap)
+            v = spent.add(minimise_relaxed(sweep, None, rough, monitor)).weights
     mesh = None if integrator.options.substeps else integrator.first
     last, direct = np.inf, False
     inner = None
@@ -161,28 +166,12 @@ class Judged:
         return Sweep(replace(self.recursion, cost=self.recursion.cost + difference))
 
 
-def _uniform(base: Recursion) -> np.ndarray:
-    from occontrol.scheduling.polytope import uniform
-
-    return uniform(base.upper, base.select)
-
-
-def _far(integrator: Integrator) -> bool:
-    """Whether one step an interval costs equal shares altogether wrongly."""
-    v = _uniform(integrator.recursion)
+def _off(integrator: Integrator, v: np.ndarray) -> float:
+    """The relative error of one step an interval on a policy; infinite where the number of steps is stated."""
     if integrator.options.substeps is not None:
-        J = integrator.fixed.cost(v)
-    else:
-        J = integrator.refined(v, integrator.first, 10.0)[1]
-    return abs(integrator.sweep.cost(v) - J) > FAR * abs(J)
-
-
-def _accurate(integrator: Integrator, inner: RelaxedOutcome) -> bool:
-    """Whether one step an interval is as accurate as the problem asks for."""
-    if integrator.options.substeps is not None:
-        return False
-    found = integrator.evaluate(inner.weights)
-    return found.on is None
+        return np.inf
+    J = integrator.extrapolated(integrator.first).cost(v)
+    return abs(integrator.sweep.cost(v) - J) / abs(J) if J else 0.0
 
 
 def interval_loss(on: Folded | Extrapolated, upper: np.ndarray, select: int) -> np.ndarray:
