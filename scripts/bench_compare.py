@@ -19,7 +19,7 @@ from bench_targets import peak_memory
 from instances import oscillators
 
 from occontrol.core.monitor import Monitor
-from occontrol.families.athans.discretise import discretise
+from occontrol.families.athans.discretise import discretise, feasible_set
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 from occontrol.scheduling.sweep import Sweep
 
@@ -73,7 +73,7 @@ def compare(states: int, sensors: int, intervals: int, limit: float, seed: int =
     for _ in range(2):
         ours(problem)
     monitor = Monitor()
-    minimise_relaxed(Sweep(discretise(problem)), options=RelaxedOptions(1e-6), monitor=monitor)
+    minimise_relaxed(Sweep(discretise(problem)), feasible_set(problem), options=RelaxedOptions(1e-6), monitor=monitor)
     found.trace = [(r["seconds"], (r["cost"] - r["lower_bound"]) / abs(r["cost"])) for r in monitor.history]
     for name in PEERS:
         runs: list[Run] = []

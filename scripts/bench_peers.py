@@ -15,11 +15,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from occontrol.core.monitor import Monitor
-from occontrol.families.athans.discretise import Recursion, discretise, half_predicts
+from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
+from occontrol.families.athans.node_path import node_path
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.polytope import excess, project
+from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
-from occontrol.scheduling.sweep import Sweep, node_path
+from occontrol.scheduling.sweep import Sweep
 
 GAP = 1e-4
 MARKS = 60  # policies of one run that are scored at most
@@ -51,10 +52,10 @@ class Evaluator:
 
     def __init__(self, problem: SchedulingProblem):
         self.recursion, self.halves = discretise(problem), half_predicts(problem)
-        best = minimise_relaxed(Sweep(self.recursion), options=RelaxedOptions(1e-6)).weights
+        self.feasible_set = feasible_set(problem)
+        best = minimise_relaxed(Sweep(self.recursion), self.feasible_set, options=RelaxedOptions(1e-6)).weights
         cost, gradient = self.score(best)
-        r = self.recursion
-        self.bound = cost - float(np.sum(excess(best, gradient, r.upper, r.select)))
+        self.bound = self.feasible_set.bound(cost, best, gradient)
 
     def score(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
         """J (running weights left out) and dJ/dv (N, M)."""
@@ -65,8 +66,7 @@ class Evaluator:
 
     def gap(self, weights: np.ndarray) -> float:
         """Relative gap of a policy, first made exactly feasible."""
-        r = self.recursion
-        cost, _ = self.score(project(weights, r.upper, r.select))
+        cost, _ = self.score(self.feasible_set.project(weights))
         return (cost - self.bound) / abs(cost)
 
     def judge(self, run: Run) -> Run:
@@ -82,7 +82,7 @@ def ours(problem: SchedulingProblem, gap: float = GAP) -> Run:
     """From the problem to the certified gap: discretisation, work space and relaxation."""
     started = time.perf_counter()
     sweep = Sweep(discretise(problem))
-    found = minimise_relaxed(sweep, options=RelaxedOptions(gap))
+    found = minimise_relaxed(sweep, feasible_set(problem), options=RelaxedOptions(gap))
     seconds = time.perf_counter() - started
     return Run("this project", [(seconds, found.weights)], seconds, f"{found.sweeps['gradients']} sweeps")
 
@@ -233,7 +233,7 @@ def semidefinite(problem: SchedulingProblem, limit: float) -> Run:
     v = cp.Variable(r.cost.shape, nonneg=True)
     first = r.transition[r.predict[0]] @ r.initial @ r.transition[r.predict[0]].T + r.noise[r.predict[0]]
     before: object = np.linalg.inv(first)
-    limits: list = [cp.sum(v, axis=1) == r.select, v <= r.upper]
+    limits: list = [cp.sum(v, axis=1) == problem.select, v <= problem.upper]
     flat = L.reshape(len(L), -1).T
     for k in range(N):
         after = before + cp.reshape(flat @ (r.steps[k] * v[k]), (n, n), order="C")

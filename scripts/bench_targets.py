@@ -17,7 +17,7 @@ from statistics import median
 import numpy as np
 from instances import oscillators
 
-from occontrol.families.athans.discretise import discretise
+from occontrol.families.athans.discretise import discretise, feasible_set
 from occontrol.scheduling import kernels_blas
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 from occontrol.scheduling.sweep import SMALL, Sweep
@@ -178,13 +178,14 @@ def peak_memory() -> float:
 
 def solve_here(n: int, M: int, N: int, gap: float, seeds: list[int]) -> dict:
     """Relax instances in this process: seconds, sweeps and gap of each seed, peak memory of the process."""
-    minimise_relaxed(Sweep(discretise(oscillators(n, 2, 4, 0))))  # compiled functions warm
+    warm = oscillators(n, 2, 4, 0)
+    minimise_relaxed(Sweep(discretise(warm)), feasible_set(warm))  # compiled functions warm
     records = []
     for seed in seeds:
         problem = oscillators(n, M, N, seed)
         started = time.perf_counter()
         sweep = Sweep(discretise(problem))
-        found = minimise_relaxed(sweep, options=RelaxedOptions(gap))
+        found = minimise_relaxed(sweep, feasible_set(problem), options=RelaxedOptions(gap))
         seconds = time.perf_counter() - started
         records.append(
             {

@@ -10,7 +10,7 @@ from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.solution import Status
 from occontrol.families.athans.collocation.solve import solve_collocation
 from occontrol.families.athans.continuous.reintegration import reintegrate
-from occontrol.families.athans.discretise import discretise, half_predicts
+from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
 from occontrol.families.athans.methods import Collocation
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
@@ -50,7 +50,7 @@ def varying(intervals):
 
 def relaxed_weights(problem, gap=1e-6):
     sweep = Sweep(discretise(problem, half_predicts(problem)))
-    return minimise_relaxed(sweep, None, RelaxedOptions(gap, 5000), Monitor()).weights
+    return minimise_relaxed(sweep, feasible_set(problem), None, RelaxedOptions(gap, 5000), Monitor()).weights
 
 
 def routes(problem):

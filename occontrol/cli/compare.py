@@ -29,7 +29,6 @@ def compare(
     from occontrol.api import choose_method
     from occontrol.cli.watch import exit_code, watched
     from occontrol.core.errors import SolveFailed, UsageError
-    from occontrol.core.monitor import Monitor
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import check_writable
 
@@ -46,9 +45,7 @@ def compare(
     failed: dict[str, str] = {}
     with watched() as monitor:
         for name in names:
-            monitor.history.clear()
             monitor.stage = name
-            monitor.started = Monitor().started
             try:
                 solutions[name] = run_method(problem, name, monitor)
             except SolveFailed as error:

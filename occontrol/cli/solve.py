@@ -96,8 +96,9 @@ def run_method(problem: Any, name: str | None, monitor: Watched) -> Solution:
 
     method = None if name is None else choose_method(problem, name)
     options = method if method is not None else getattr(problem, "method", None)
-    monitor.target = getattr(options, "relative_gap", None)
-    return call_solve(problem, method, monitor)
+    monitor.target, limit = getattr(options, "relative_gap", None), getattr(options, "time_limit", None)
+    monitor.deadline = None if limit is None else monitor.seconds + limit
+    return call_solve(problem, method, monitor.child())
 
 
 def write_with_figures(folder: Path, problem: Any, solution: Solution, figures: bool = True) -> dict[str, Any]:

@@ -20,14 +20,16 @@ RECENT = 40
 
 @dataclass
 class Watched(Monitor):
-    """A Monitor that also knows the relative gap that the solver works towards.
+    """A Monitor that also knows what the method at work aims at, and by when it must end.
 
     Parameters
     ----------
     target : relative gap, or None where there is none
+    deadline : `seconds` at which the method's own time limit passes, or None
     """
 
     target: float | None = None
+    deadline: float | None = None
 
 
 @contextmanager
@@ -126,7 +128,8 @@ def time_left(monitor: Watched) -> float | None:
 
     Returns None when nothing can be said.
     """
-    limit = None if monitor.time_limit is None else max(0.0, monitor.time_limit - monitor.seconds)
+    ends = [x for x in (monitor.time_limit, monitor.deadline) if x is not None]
+    limit = max(0.0, min(ends) - monitor.seconds) if ends else None
     stage = monitor.history[-1].get("stage") if monitor.history else None
     points = []
     for record in monitor.history[-RECENT:]:

@@ -56,18 +56,46 @@ _TEXT = {
 }
 
 
+ALLOWANCE = 1e-9  # of |cost|: by so much rounding may put a bound above the cost
+
+
 @dataclass(frozen=True)
 class Certificate:
     """A cost and a proven lower bound on the optimal cost.
+
+    A bound above the cost within the allowance is rounding and becomes the cost. One farther above proves that
+    something is wrong with the numbers: it stays as it is, `contradicts` is true, and whoever makes a Solution of it
+    gives the status `disagrees` with `text`.
 
     Parameters
     ----------
     cost : J of the policy, in cost units
     lower_bound : no policy of the same problem costs less
+    allowance : share of |cost| by which rounding may put the bound above the cost
     """
 
     cost: float
     lower_bound: float
+    allowance: float = ALLOWANCE
+
+    def __post_init__(self) -> None:
+        if self.cost < self.lower_bound <= self.cost + self.allowance * abs(self.cost):
+            object.__setattr__(self, "lower_bound", self.cost)
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the bound lies above the cost by more than rounding."""
+        return self.lower_bound > self.cost
+
+    @property
+    def text(self) -> str:
+        """What the user reads when the certificate contradicts itself; empty otherwise."""
+        if not self.contradicts:
+            return ""
+        return (
+            f"the lower bound {self.lower_bound:.10g} lies above the cost {self.cost:.10g}: rounding has spoilt the "
+            "numbers, use shorter intervals or other units"
+        )
 
     @property
     def gap(self) -> float:

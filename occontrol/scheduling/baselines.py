@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from occontrol.families.athans.discretise import Recursion
-from occontrol.scheduling.polytope import vertex
+from occontrol.scheduling.feasible_set import FeasibleSet
+from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.sweep import Sweep
 
 
-def _by_priority(recursion: Recursion, priority: np.ndarray) -> np.ndarray:
+def _by_priority(feasible_set: FeasibleSet, priority: np.ndarray) -> np.ndarray:
     """On every interval the available sensors with the smallest priority (N, M) or (M,)."""
-    return vertex(np.broadcast_to(priority, recursion.upper.shape).astype(float), recursion.upper, recursion.select)
+    return feasible_set.vertex(np.broadcast_to(priority, feasible_set.shape).astype(float))
 
 
-def best_single(sweep: Sweep) -> np.ndarray:
+def best_single(sweep: Sweep, feasible_set: FeasibleSet) -> np.ndarray:
     """The best fixed set of sensors, built one sensor at a time; a sensor out of its window is replaced by the next.
 
     Parameters
     ----------
     sweep : Sweep
+    feasible_set : FeasibleSet of the policies
 
     Returns (N, M) integral policy.
     """
@@ -27,15 +28,15 @@ def best_single(sweep: Sweep) -> np.ndarray:
     rank = np.arange(M) + float(M)
     # idle sensors (no rows) stand in first where a chosen one is not available
     rank[np.diff(r.offsets) == 0] -= M
-    best, cost = _by_priority(r, rank), np.inf
-    for place in range(r.select):
+    best, cost = _by_priority(feasible_set, rank), np.inf
+    for place in range(feasible_set.places):
         candidates = []
         for j in range(M):
             if rank[j] < 0:
                 continue
             trial = rank.copy()
-            trial[j] = place - 2.0 * r.select
-            weights = _by_priority(r, trial)
+            trial[j] = place - 2.0 * feasible_set.places
+            weights = _by_priority(feasible_set, trial)
             candidates.append((sweep.cost(weights), j, weights, trial))
         lowest = min(candidates, key=lambda c: c[0])
         if lowest[0] < cost:
@@ -45,25 +46,27 @@ def best_single(sweep: Sweep) -> np.ndarray:
     return best
 
 
-def round_robin(recursion: Recursion, dwell: int = 1) -> np.ndarray:
+def round_robin(recursion: Recursion, feasible_set: FeasibleSet, dwell: int = 1) -> np.ndarray:
     """The sensors in turn, `dwell` intervals each, those out of their windows skipped; idle only as a last resort.
 
     Parameters
     ----------
     recursion : Recursion
+    feasible_set : FeasibleSet of the policies
     dwell : intervals between switches
 
     Returns (N, M) integral policy.
     """
-    r, M = recursion, recursion.sensors
-    idle = np.diff(r.offsets) == 0
-    result = np.zeros_like(r.upper)
+    M = recursion.sensors
+    idle = np.diff(recursion.offsets) == 0
+    result = np.zeros(feasible_set.shape)
     last_used = np.full(M, -1.0) - np.arange(M)[::-1] * 1e-3
-    for k in range(r.intervals):
-        if k % dwell == 0 or np.any(result[k - 1] > r.upper[k]):
+    for k in range(len(result)):
+        here = feasible_set.part(k, k + 1)
+        if k % dwell == 0 or not here.contains(result[k - 1 : k]):
             priority = np.where(idle, np.inf, last_used)
             priority[idle] = 1e18
-            result[k] = vertex(priority[None], r.upper[k : k + 1], r.select)[0]
+            result[k] = here.vertex(priority[None])[0]
         else:
             result[k] = result[k - 1]
         used = result[k] > 0
@@ -71,56 +74,82 @@ def round_robin(recursion: Recursion, dwell: int = 1) -> np.ndarray:
     return result
 
 
-def random_policy(recursion: Recursion, seed: int = 1) -> np.ndarray:
+def random_policy(feasible_set: FeasibleSet, seed: int = 1) -> np.ndarray:
     """An independent random available choice on every interval.
 
     Parameters
     ----------
-    recursion : Recursion
+    feasible_set : FeasibleSet of the policies
     seed : of numpy's default generator
 
     Returns (N, M) integral policy.
     """
-    return vertex(np.random.default_rng(seed).random(recursion.upper.shape), recursion.upper, recursion.select)
+    return feasible_set.vertex(np.random.default_rng(seed).random(feasible_set.shape))
 
 
-def greedy(recursion: Recursion) -> np.ndarray:
+def greedy(recursion: Recursion, feasible_set: FeasibleSet) -> np.ndarray:
     """On every interval the choice that would be best if no measurement followed it.
 
-    It minimises alpha q h + tr(W_k S+), W_k = Phi(Tp, t_k)'D'D Phi(Tp, t_k), place by place.
+    It minimises alpha q h + tr(W_k S+), W_k = Phi(Tp, t_k)'D'D Phi(Tp, t_k), place by place; where a decision has
+    several steps, S+ is that after the last one, and the running charge of the earlier ones is added.
 
     Parameters
     ----------
     recursion : Recursion
+    feasible_set : FeasibleSet of the policies
 
     Returns (N, M) integral policy.
     """
-    r, N, M = recursion, recursion.intervals, recursion.sensors
-    weight = np.empty((N, *r.initial.shape))
+    r, price = recursion, recursion.decision_cost
+    weight = _later_weights(r)
+    ends = np.append(r.first_steps, len(r.steps))
+    result = np.zeros(feasible_set.shape)
+    S = r.initial
+    for k in range(len(result)):
+        steps, here = range(ends[k], ends[k + 1]), feasible_set.part(k, k + 1)
+        chosen: list[int] = []
+        best_S = S
+        for _ in range(feasible_set.places):
+            best, best_value = -1, np.inf
+            for j in np.flatnonzero(_open(here, result[k])):
+                after, running = _follow(r, S, steps, [*chosen, int(j)])
+                value = price[k, j] + running + float(np.sum(weight[steps[-1]] * after))
+                if value < best_value:
+                    best, best_value, best_S = int(j), value, after
+            result[k, best] += 1.0
+            chosen.append(best)
+        S = (best_S + best_S.T) / 2
+    return result
+
+
+def _open(here: FeasibleSet, chosen: np.ndarray) -> np.ndarray:
+    """(M,) which sensors one interval may use besides those `chosen` (M,)."""
+    return here.exchange_masks(chosen[None])[1][0]
+
+
+def _later_weights(r: Recursion) -> np.ndarray:
+    """(K, n, n): the cost of S+ after each step if nothing is measured later."""
+    weight = np.empty((len(r.steps), *r.initial.shape))
     W = r.terminal
-    for k in range(N, 0, -1):
+    for k in range(len(r.steps), 0, -1):
         F = r.transition[r.predict[k]]
         W = F.T @ W @ F
         if len(r.running):
             W = W + r.steps[k - 1] * r.running[r.running_set[k - 1]]
         weight[k - 1] = W
-    result = np.zeros((N, M))
-    S = r.initial
-    for k in range(N):
+    return weight
+
+
+def _follow(r: Recursion, S: np.ndarray, steps: range, used: list[int]) -> tuple[np.ndarray, float]:
+    """S+ after the steps of one decision with the sensors `used`, and the running charge of all steps but the last."""
+    running = 0.0
+    for k in steps:
         F = r.transition[r.predict[k]]
         S = F @ S @ F.T + r.noise[r.predict[k]]
-        rows, h = r.rows[r.row_set[k]], r.steps[k]
-        room = r.upper[k].copy()
-        for _ in range(r.select):
-            best, best_value, best_S = -1, np.inf, S
-            for j in np.flatnonzero(room > 0.5):
-                C = rows[r.offsets[j] : r.offsets[j + 1]] * np.sqrt(h)
-                B = C @ S
-                after = S - B.T @ np.linalg.solve(np.eye(len(C)) + B @ C.T, B) if len(C) else S
-                value = r.cost[k, j] + float(np.sum(weight[k] * after))
-                if value < best_value:
-                    best, best_value, best_S = int(j), value, after
-            result[k, best] += 1.0
-            room[best] -= 1.0
-            S = (best_S + best_S.T) / 2
-    return result
+        for j in used:
+            C = r.rows[r.row_set[k]][r.offsets[j] : r.offsets[j + 1]] * np.sqrt(r.steps[k])
+            B = C @ S
+            S = S - B.T @ np.linalg.solve(np.eye(len(C)) + B @ C.T, B) if len(C) else S
+        if len(r.running) and k < steps[-1]:
+            running += r.steps[k] * float(np.sum(r.running[r.running_set[k]] * S))
+    return S, running

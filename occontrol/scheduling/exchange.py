@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
+from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.sweep import Sweep
 from occontrol.scheduling.vectors import OPTIONS, copy
 
@@ -51,7 +52,9 @@ def _solve_quadratic(A, B, size, p):
 
 
 @njit(**OPTIONS)
-def _best_exchanges(F, predict, rows, row_set, offsets, steps, v, upper, cost, store, G, gain, leaving, entering):
+def _best_exchanges(
+    F, predict, rows, row_set, offsets, steps, leaves, enters, v, cost, store, G, gain, leaving, entering
+):
     N, M = v.shape
     n, p = store.shape[1], G.shape[2]
     rows_max = 0
@@ -74,10 +77,10 @@ def _best_exchanges(F, predict, rows, row_set, offsets, steps, v, upper, cost, s
         np.dot(c, S, Y)
         gain[k], leaving[k], entering[k] = 0.0, -1, -1
         for j in range(M):
-            if v[k, j] <= 0.5:
+            if not leaves[k, j]:
                 continue
             for e in range(M):
-                if e == j or v[k, e] > upper[k, e] - 0.5:
+                if e == j or not enters[k, e]:
                     continue
                 mj, me = offsets[j + 1] - offsets[j], offsets[e + 1] - offsets[e]
                 size = mj + me
@@ -145,7 +148,9 @@ def _best_exchanges(F, predict, rows, row_set, offsets, steps, v, upper, cost, s
         np.dot(f.T, T, adjoint)
 
 
-def _surely_good_exchanges(sweep: Sweep, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _surely_good_exchanges(
+    sweep: Sweep, weights: np.ndarray, leaves: np.ndarray, enters: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     r, N, n = sweep.recursion, sweep.recursion.intervals, sweep.recursion.states
     gain, leaving, entering = np.zeros(N), np.full(N, -1), np.full(N, -1)
     per_row = np.repeat(np.arange(r.sensors), np.diff(r.offsets))
@@ -164,7 +169,7 @@ def _surely_good_exchanges(sweep: Sweep, weights: np.ndarray) -> tuple[np.ndarra
     rows = [np.arange(a, b) for a, b in pairwise(r.offsets)]
     for j in range(r.sensors):
         for e in range(r.sensors):
-            at = np.flatnonzero((weights[:, j] > 0.5) & (weights[:, e] < r.upper[:, e] - 0.5))
+            at = np.flatnonzero(leaves[:, j] & enters[:, e])
             if e == j or not len(at):
                 continue
             both = np.concatenate([rows[j], rows[e]])
@@ -179,21 +184,27 @@ def _surely_good_exchanges(sweep: Sweep, weights: np.ndarray) -> tuple[np.ndarra
     return gain, leaving, entering
 
 
-def best_exchanges(sweep: Sweep, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def best_exchanges(
+    sweep: Sweep, feasible_set: FeasibleSet, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The best single exchange of every interval and its effect on J: exact, or at least that with a running weight.
 
     Parameters
     ----------
-    sweep : Sweep that `keeps_all`, with `remember_products` done, whose last `cost_and_gradient` was at `weights`
+    sweep : Sweep that `foresees_exchanges`, with `remember_products` done, whose last `cost_and_gradient` was at
+        `weights`
+    feasible_set : FeasibleSet, which says what may be exchanged
     weights : (N, M) integral policy
 
     Returns gain (N,) <= 0 (0 where no exchange surely helps), leaving (N,) and entering (N,) sensor indices or -1.
     """
+    leaves, enters = feasible_set.exchange_masks(weights)
     if sweep.dense:
-        return _surely_good_exchanges(sweep, weights)
+        return _surely_good_exchanges(sweep, weights, leaves, enters)
     r, N = sweep.recursion, sweep.recursion.intervals
     found = np.zeros(N), np.full(N, -1), np.full(N, -1)
     _best_exchanges(
-        r.transition, r.predict, r.rows, r.row_set, r.offsets, r.steps, weights, r.upper, r.cost, *sweep.kept, *found
-    )
+        r.transition, r.predict, r.rows, r.row_set, r.offsets, r.steps, leaves, enters, weights, r.cost,
+        *sweep.kept, *found,
+    )  # fmt: skip
     return found

@@ -14,7 +14,7 @@ import numpy as np
 
 from occontrol.core.monitor import Monitor
 from occontrol.scheduling.exchange import best_exchanges
-from occontrol.scheduling.polytope import excess, vertex
+from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.sweep import Sweep
 
 WORK = 2e10  # flops, or their like, that trying exchanges one by one may take
@@ -42,6 +42,7 @@ class SweepOutcome:
 
 def h_minimal(
     sweep: Sweep,
+    feasible_set: FeasibleSet,
     start: np.ndarray,
     max_iterations: int = 500,
     tolerance: float = 1e-9,
@@ -53,6 +54,7 @@ def h_minimal(
     Parameters
     ----------
     sweep : Sweep
+    feasible_set : FeasibleSet of the policies
     start : (N, M) integral policy
     max_iterations : sweeps
     tolerance : stop when the predicted decrease is below this share of |J|
@@ -62,14 +64,13 @@ def h_minimal(
     Returns SweepOutcome.
     """
     monitor = monitor or Monitor()
-    r = sweep.recursion
     v = start.copy()
     J, g = sweep.cost_and_gradient(v)
     best, best_J, bound = v, J, -np.inf
     epsilon, iteration = 1.0, 0
     seen = {v.tobytes(): 0}
     while True:
-        predicted = excess(v, g, r.upper, r.select)
+        predicted = feasible_set.excess(v, g)
         total = float(np.sum(predicted))
         bound = max(bound, J - total)
         monitor.report(iteration, best_J, bound, stage="H-minimal sweep")
@@ -80,7 +81,7 @@ def h_minimal(
         if iteration >= max_iterations:
             return SweepOutcome(best, best_J, bound, iteration, "limit")
         iteration += 1
-        w = vertex(np.where(r.upper > 0, g, 0.0), r.upper, r.select)
+        w = feasible_set.vertex(g)
         if full_step:
             v = w
             J, g = sweep.cost_and_gradient(v)
@@ -108,16 +109,24 @@ def h_minimal(
             epsilon = 0.5 * count / len(order)
 
 
-def polish(sweep: Sweep, start: np.ndarray, max_rounds: int = 200, monitor: Monitor | None = None) -> SweepOutcome:
+def polish(
+    sweep: Sweep,
+    feasible_set: FeasibleSet,
+    start: np.ndarray,
+    max_rounds: int = 200,
+    monitor: Monitor | None = None,
+) -> SweepOutcome:
     """H-minimal steps whose predicted decrease is exact: the best single exchange of every interval, on the true cost.
 
     As many of the best exchanges at once as still lower J, halved until they do; ends when no single exchange does,
     so the result cannot be improved by changing one interval. With a running weight the prediction is only the least
-    that an exchange saves; what it leaves is tried one by one in the order of the switching functions, up to WORK.
+    that an exchange saves; exchanges that it cannot decide are then tried one at a time, in the order of the switching
+    functions, up to WORK.
 
     Parameters
     ----------
     sweep : Sweep
+    feasible_set : FeasibleSet of the policies
     start : (N, M) integral policy
     max_rounds : sweeps that compute exchanges
     monitor : Monitor
@@ -125,25 +134,27 @@ def polish(sweep: Sweep, start: np.ndarray, max_rounds: int = 200, monitor: Moni
     Returns SweepOutcome; `lower_bound` is -inf (polishing proves nothing).
     """
     monitor = monitor or Monitor()
-    if not sweep.keeps_all:
-        found = h_minimal(sweep, start, max_iterations=max_rounds, monitor=monitor.silent())
-        return _polish_by_trial(sweep, found.weights, found.cost, monitor)
-    found = _polish_by_exchange(sweep, start, max_rounds, monitor)
+    if not sweep.foresees_exchanges:
+        watch = monitor.child(silent=True)
+        found = h_minimal(sweep, feasible_set, start, max_iterations=max_rounds, monitor=watch)
+        return _polish_by_trial(sweep, feasible_set, found.weights, found.cost, monitor)
+    found = _polish_by_exchange(sweep, feasible_set, start, max_rounds, monitor)
     if sweep.dense and found.end == "stationary":
-        tried = _polish_by_trial(sweep, found.weights, found.cost, monitor)
+        tried = _polish_by_trial(sweep, feasible_set, found.weights, found.cost, monitor)
         found = replace(tried, iterations=found.iterations + tried.iterations)
     return found
 
 
-def _polish_by_exchange(sweep: Sweep, start: np.ndarray, max_rounds: int, monitor: Monitor) -> SweepOutcome:
+def _polish_by_exchange(
+    sweep: Sweep, feasible_set: FeasibleSet, start: np.ndarray, max_rounds: int, monitor: Monitor
+) -> SweepOutcome:
     sweep.remember_products()
-    r = sweep.recursion
     v = start.copy()
     J, _ = sweep.cost_and_gradient(v)
     share = 1.0
-    refused = np.zeros(r.intervals, dtype=bool)
+    refused = np.zeros(len(v), dtype=bool)
     for rounds in range(max_rounds):
-        gain, leaving, entering = best_exchanges(sweep, v)
+        gain, leaving, entering = best_exchanges(sweep, feasible_set, v)
         gain[refused] = 0.0
         order = np.argsort(gain, kind="stable")
         order = order[gain[order] < -1e-12 * abs(J)]
@@ -173,25 +184,27 @@ def _polish_by_exchange(sweep: Sweep, start: np.ndarray, max_rounds: int, monito
     return SweepOutcome(v, J, -np.inf, max_rounds, "limit")
 
 
-def _polish_by_trial(sweep: Sweep, start: np.ndarray, J: float, monitor: Monitor) -> SweepOutcome:
+def _polish_by_trial(
+    sweep: Sweep, feasible_set: FeasibleSet, start: np.ndarray, J: float, monitor: Monitor
+) -> SweepOutcome:
     r = sweep.recursion
     v = start.copy()
-    budget = min(4 * r.intervals + 200, int(WORK / (r.intervals * (4 * r.states**3 + 500))))
+    budget = min(4 * r.intervals + 200, int(WORK / (len(r.steps) * (4 * r.states**3 + 500))))
     improved, rounds = True, 0
     while improved and budget > 0 and not monitor.stop:
         improved = False
         rounds += 1
         _, g = sweep.cost_and_gradient(v)
-        g = np.where(r.upper > 0, g, np.inf)
+        leaves, enters = feasible_set.exchange_masks(v)
         moves = []
         for k in range(r.intervals):
-            for j in np.flatnonzero(v[k] > 0.5):
-                for e in np.flatnonzero(v[k] < r.upper[k] - 0.5):
+            for j in np.flatnonzero(leaves[k]):
+                for e in np.flatnonzero(enters[k]):
                     if e != j:
                         moves.append((g[k, e] - g[k, j], k, j, e))
         moves.sort()
         for _, k, j, e in moves[: max(10, r.intervals)]:
-            if budget <= 0 or monitor.stop or v[k, j] < 0.5 or v[k, e] > r.upper[k, e] - 0.5:
+            if budget <= 0 or monitor.stop or not (leaves[k, j] and enters[k, e]):
                 continue
             trial = v.copy()
             trial[k, j] -= 1.0
@@ -200,6 +213,7 @@ def _polish_by_trial(sweep: Sweep, start: np.ndarray, J: float, monitor: Monitor
             value = sweep.cost(trial)
             if value < J * (1 - 1e-13) if J > 0 else value < J:
                 v, J, improved = trial, value, True
+                leaves, enters = feasible_set.exchange_masks(v)
         monitor.report(rounds, J, -np.inf, stage="polish")
     end = "interrupted" if monitor.interrupted else ("limit" if improved else "stationary")
     return SweepOutcome(v, J, -np.inf, rounds, end)

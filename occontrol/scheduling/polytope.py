@@ -1,4 +1,4 @@
-"""The set V of one interval's weights: 0 <= v_j <= upper_j, sum_j v_j = select; all intervals at once.
+"""Compiled loops behind scheduling/feasible_set.py: 0 <= v_j <= upper_j, sum_j v_j = select, all intervals at once.
 
 upper_j is 0 outside a sensor's windows, 1 inside, `select` for 'idle'.
 """
@@ -144,3 +144,50 @@ def uniform(upper: np.ndarray, select: int) -> np.ndarray:
         if np.all(left < 1e-14 * select):
             break
     return v
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz", "reassoc"}, error_model="numpy")
+def mixture(a, g, last, upper, select, rounds, wanted):
+    """The best bound of the cuts by entropic ascent on their shares, from cut `last`, up to `wanted`.
+
+    a (K,), g (K, N, M), upper (N, M); the same as FeasibleSet.mixture, without a pass of its own for every step
+    """
+    N, M = upper.shape
+    count = len(a)
+    shares, values = np.zeros(count), np.empty(count)
+    shares[last] = 1.0
+    mixed, w = np.empty(M), np.empty(M)
+    best = -np.inf
+    for turn in range(rounds):
+        values[:] = a
+        for k in range(N):
+            mixed[:] = 0.0
+            for i in range(count):
+                x = shares[i]
+                if x > 1e-9:  # any shares are valid, so the smallest may be dropped
+                    for j in range(M):
+                        mixed[j] += x * g[i, k, j]
+            fill(mixed, upper[k], select, w)
+            for j in range(M):
+                x = w[j]
+                if x > 0.0:
+                    for i in range(count):
+                        values[i] += x * g[i, k, j]
+        # w minimises the mixture of the kept shares, so their sum is the divisor
+        total = kept = 0.0
+        low, high = np.inf, -np.inf
+        for i in range(count):
+            if shares[i] > 1e-9:
+                total += shares[i] * values[i]
+                kept += shares[i]
+            low, high = min(low, values[i]), max(high, values[i])
+        best = max(best, total / kept)
+        if not high > low or best >= wanted:
+            break
+        total = 0.0
+        for i in range(count):
+            shares[i] = (shares[i] + 1e-4) * np.exp(3.0 / (high - low) / np.sqrt(turn + 1.0) * (values[i] - high))
+            total += shares[i]
+        for i in range(count):
+            shares[i] /= total
+    return best

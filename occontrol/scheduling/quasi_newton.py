@@ -1,72 +1,22 @@
 """Limited-memory BFGS restricted to the face of V that the policy lies on (two-metric projection, Bertsekas 1982).
 
-On the free weights of every interval the direction lies in the plane sum_j d_j = 0; the others stay at their bounds.
+On every group of free weights (`Face`: those of one interval) the direction lies in the plane sum_j d_j = 0; the others
+stay at their bounds.
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numba import njit
+
+if TYPE_CHECKING:
+    from occontrol.scheduling.feasible_set import FeasibleSet
 
 _OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reassoc"}, "error_model": "numpy"}
 CURVATURE = 1e-10
 NEAR = 1e-6  # larger: what goes all the way disturbs the rest, and steps fail near a gap of 1e-6
-
-
-@njit(**_OPTIONS)
-def _face(v, g, upper, free, count, move):
-    """Free weights: between their bounds, or at a bound that the reduced gradient pushes them away from.
-
-    move : what nearly stands at a bound and is pushed there goes all the way, instead of dragging the direction along
-    """
-    N, M = v.shape
-    for k in range(N):
-        # the multiplier is the gradient at the weight farthest from its bounds; at a vertex it lies between the largest
-        # gradient of the used and the smallest of the unused weights
-        anchor, room = -1, NEAR
-        used, unused = -np.inf, np.inf
-        for j in range(M):
-            if upper[k, j] > 0.0:
-                x = min(v[k, j], upper[k, j] - v[k, j])
-                if x > room:
-                    anchor, room = j, x
-                if v[k, j] > NEAR:
-                    used = max(used, g[k, j])
-                else:
-                    unused = min(unused, g[k, j])
-        number, excess = 0, 0.0
-        for j in range(M):
-            inside = upper[k, j] > 0.0
-            x = 0.0
-            if inside and v[k, j] <= NEAR and j != anchor:
-                inside = g[k, j] < (g[k, anchor] if anchor >= 0 else used)
-                x = 0.0 if inside else -v[k, j]
-            elif inside and v[k, j] >= upper[k, j] - NEAR and j != anchor:
-                inside = g[k, j] > (g[k, anchor] if anchor >= 0 else unused)
-                x = 0.0 if inside else upper[k, j] - v[k, j]
-            free[k, j] = inside
-            number += inside
-            move[k, j] = x
-            excess += x
-        count[k] = number
-        if anchor >= 0:
-            move[k, anchor] -= excess  # by the sign of g_j - g_anchor a descent; left to the projection it may not be
-
-
-@njit(**_OPTIONS)
-def _list_face(free, count, listed, ends):
-    """The free weights of intervals with two or more of them, interval by interval; their number and the intervals'."""
-    N, M = free.shape
-    size = rows = 0
-    for k in range(N):
-        if count[k] > 1:
-            for j in range(M):
-                if free[k, j]:
-                    listed[size] = k * M + j
-                    size += 1
-            ends[rows] = size
-            rows += 1
-    return size, rows
 
 
 @njit(**_OPTIONS)
@@ -104,8 +54,6 @@ class FaceBFGS:
         size = shape[0] * shape[1]
         self._pairs = np.zeros((size, 2 * memory))  # s, y, s, y, ..: what a face needs of them stands together
         self._SS, self._SY, self._younger = (np.zeros((memory, memory)) for _ in range(3))
-        self._free, self._count = np.empty(shape, dtype=np.bool_), np.empty(shape[0], dtype=np.int64)
-        self._listed, self._ends = np.empty(size, dtype=np.int64), np.empty(shape[0], dtype=np.int64)
         self.reset()
 
     def reset(self) -> None:
@@ -132,18 +80,17 @@ class FaceBFGS:
         self._SY[slot, :stored] = products[1::2]
         self._younger[slot], self._younger[:, slot] = 1.0, 0.0
 
-    def direction(self, weights: np.ndarray, gradient: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    def direction(self, weights: np.ndarray, gradient: np.ndarray, feasible_set: FeasibleSet) -> np.ndarray:
         """The quasi-Newton direction (N, M) on the face of `weights`; a fresh array.
 
         Parameters
         ----------
-        weights, gradient, upper : (N, M)
+        weights, gradient : (N, M)
+        feasible_set : FeasibleSet of the policies
         """
-        found = np.empty(weights.shape)
-        _face(weights, gradient, upper, self._free, self._count, found)
-        size, rows = _list_face(self._free, self._count, self._listed, self._ends)
-        listed, ends = self._listed[:size], self._ends[:rows]
-        g = np.empty((size, 1))
+        face = feasible_set.face(weights, gradient, NEAR)
+        found, listed, ends = face.move, face.listed, face.ends
+        g = np.empty((len(listed), 1))
         _on_face(gradient.reshape(-1, 1), listed, ends, g)
         found.reshape(-1)[listed] += self._step(g[:, 0], listed, ends)
         return found

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from occontrol.core.monitor import Monitor
-from occontrol.core.solution import Status
+from occontrol.core.solution import Certificate, Status
 from occontrol.scheduling.cuts import Cuts
-from occontrol.scheduling.polytope import excess, project, uniform, vertex
+from occontrol.scheduling.feasible_set import FeasibleSet
+from occontrol.scheduling.objective import Objective
 from occontrol.scheduling.quasi_newton import FaceBFGS
-from occontrol.scheduling.sweep import Sweep
 
 PAIR_BYTES = 300_000_000
 
@@ -53,7 +53,7 @@ class RelaxedOutcome:
     lower_bound : the best bound of all iterations
     gradient : (N, M) at `weights`
     iterations : steps
-    status : certified, limit or interrupted
+    status : certified, limit, interrupted or disagrees
     sweeps : how many gradients and costs it took
     stalled : no step lowered J any more, though the gap was still open
     """
@@ -69,38 +69,39 @@ class RelaxedOutcome:
 
 
 def minimise_relaxed(
-    sweep: Sweep, start: np.ndarray | None = None, options: RelaxedOptions | None = None, monitor: Monitor | None = None
+    objective: Objective,
+    feasible_set: FeasibleSet,
+    start: np.ndarray | None = None,
+    options: RelaxedOptions | None = None,
+    monitor: Monitor | None = None,
 ) -> RelaxedOutcome:
-    """Minimise J over the relaxed policies of one recursion.
+    """Minimise a convex J over the relaxed policies of a feasible set.
 
     Parameters
     ----------
-    sweep : Sweep
+    objective : Objective, such as a Sweep
+    feasible_set : FeasibleSet of the policies
     start : (N, M) a policy in V, or None for equal shares
     options : RelaxedOptions
     monitor : Monitor
 
-    Returns RelaxedOutcome; status is `certified` exactly when the bound proves the target gap.
+    Returns RelaxedOutcome; status is `certified` exactly when the bound proves the target gap, `disagrees` when it lies
+    above the cost by more than rounding.
     """
     options, monitor = options or RelaxedOptions(), monitor or Monitor()
-    r = sweep.recursion
-    upper, select = r.upper, r.select
-    v = uniform(upper, select) if start is None else start
-    pairs = options.memory or min(max(4 * r.states, 80), 120)
+    v = feasible_set.uniform() if start is None else start
+    pairs = options.memory or min(max(4 * objective.states, 80), 120)
     memory = FaceBFGS(v.shape, max(5, min(pairs, PAIR_BYTES // (16 * v.size))))
-    cuts = Cuts(v.shape, upper, select)
-    before = (sweep.backward_count, sweep.forward_count)
-    J, g = sweep.cost_and_gradient(v)
-    gap = float(np.sum(excess(v, g, upper, select)))
-    bound = J - gap
+    cuts = Cuts(feasible_set)
+    before = (objective.backward_count, objective.forward_count)
+    J, g = objective.cost_and_gradient(v)
+    bound = feasible_set.bound(J, v, g)
     cuts.add(J, g, v)
     iteration = stalled = 0
     while True:
         monitor.report(iteration, J, bound)
         target = options.relative_gap * abs(J) if options.absolute_gap is None else options.absolute_gap
-        if options.own:
-            bound = J - gap
-        elif J - bound > target and J - bound < 3.0 * target:
+        if not options.own and J - bound > target and J - bound < 3.0 * target:
             bound = max(bound, cuts.bound(wanted=J - target))
         if J - bound <= target:
             status = Status.CERTIFIED
@@ -112,11 +113,11 @@ def minimise_relaxed(
             status = Status.LIMIT
             break
         iteration += 1
-        found = _bent(sweep, v, J, g, memory.direction(v, g, upper), bound)
+        found = _bent(objective, feasible_set, v, J, g, memory.direction(v, g, feasible_set), bound)
         if found is None:
             # no descent: drop the curvature and take the conditional-gradient direction, downhill unless v is optimal
             memory.reset()
-            found = _along(sweep, v, J, g, vertex(np.where(upper > 0, g, 0.0), upper, select) - v, bound)
+            found = _along(objective, v, J, g, feasible_set.vertex(g) - v, bound)
             if found is None:
                 stalled += 1
                 bound = bound if options.own else max(bound, cuts.bound(200))
@@ -125,13 +126,15 @@ def minimise_relaxed(
         w, J_new, g_new = found
         memory.update(w - v, g_new - g)
         v, J, g = w, J_new, g_new
-        gap = float(np.sum(excess(v, g, upper, select)))
-        bound = max(bound, J - gap)
+        bound = feasible_set.bound(J, v, g) if options.own else max(bound, feasible_set.bound(J, v, g))
         cuts.add(J, g, v)
     names = ("gradients", "costs")
-    after = (sweep.backward_count, sweep.forward_count)
+    after = (objective.backward_count, objective.forward_count)
     spent = {name: b - a for name, a, b in zip(names, before, after, strict=True)}
-    return RelaxedOutcome(v, J, min(bound, J), g, iteration, status, spent, stalled >= 3)
+    certificate = Certificate(J, bound)
+    if certificate.contradicts:
+        status = Status.DISAGREES
+    return RelaxedOutcome(v, J, certificate.lower_bound, g, iteration, status, spent, stalled >= 3)
 
 
 def _wanted(J: float, slope: float, bound: float) -> float:
@@ -142,15 +145,23 @@ def _wanted(J: float, slope: float, bound: float) -> float:
     return J + 1e-4 * max(slope, bound - J)
 
 
-def _bent(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray, bound: float):
+def _bent(
+    objective: Objective,
+    feasible_set: FeasibleSet,
+    v: np.ndarray,
+    J: float,
+    g: np.ndarray,
+    d: np.ndarray,
+    bound: float,
+):
     """Armijo along the path of v + t d projected into V; None if it never falls."""
-    r, t = sweep.recursion, 1.0
+    t = 1.0
     for _ in range(8):
-        w = project(v + t * d, r.upper, r.select)
+        w = feasible_set.project(v + t * d)
         slope = float(np.vdot(g, w - v))
         shorter = 0.35
         if slope < 0:
-            J_new, g_new = sweep.cost_and_gradient(w)
+            J_new, g_new = objective.cost_and_gradient(w)
             if J_new <= _wanted(J, slope, bound):
                 return w, J_new, g_new
             # where the secant of the slopes along the chord vanishes
@@ -161,13 +172,13 @@ def _bent(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray, b
     return None
 
 
-def _along(sweep: Sweep, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray, bound: float):
+def _along(objective: Objective, v: np.ndarray, J: float, g: np.ndarray, d: np.ndarray, bound: float):
     """Armijo along a feasible direction, with the secant of the slopes; None if it never falls."""
     slope, t = float(np.vdot(g, d)), 1.0
     if not slope < 0:
         return None
     for _ in range(20):
-        J_new, g_new = sweep.cost_and_gradient(v + t * d)
+        J_new, g_new = objective.cost_and_gradient(v + t * d)
         if J_new <= _wanted(J, t * slope, bound):
             return v + t * d, J_new, g_new
         new_slope = float(np.vdot(g_new, d))

@@ -1,11 +1,17 @@
-"""Relaxed weights become one sensor (or `select` sensors) at a time: sum-up rounding (Sager 2009)."""
+"""Relaxed weights become one sensor (or `select` sensors) at a time: sum-up rounding (Sager 2009).
+
+`sum_up` is the compiled loop behind `IntervalPolytopes.round`; solvers ask for `roundings`.
+"""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
-from occontrol.scheduling.polytope import vertex
+if TYPE_CHECKING:
+    from occontrol.scheduling.feasible_set import FeasibleSet
 
 
 @njit(cache=True)
@@ -28,8 +34,8 @@ def _sum_up(weights, steps, upper, select, result):
             deficit[best] -= h
 
 
-def sum_up_rounding(
-    weights: np.ndarray, steps: np.ndarray, upper: np.ndarray, select: int, backward: bool = False
+def sum_up(
+    weights: np.ndarray, lengths: np.ndarray, upper: np.ndarray, select: int, backward: bool = False
 ) -> np.ndarray:
     """The integral policy whose accumulated use stays closest to the relaxed one's.
 
@@ -39,7 +45,7 @@ def sum_up_rounding(
     Parameters
     ----------
     weights : (N, M) relaxed policy
-    steps : (N,) interval lengths
+    lengths : (N,) of the intervals
     upper : (N, M) largest weights
     select : places per interval
     backward : from the last interval to the first
@@ -48,22 +54,22 @@ def sum_up_rounding(
     """
     turn = slice(None, None, -1 if backward else 1)
     result = np.zeros_like(weights)
-    _sum_up(*(np.ascontiguousarray(x[turn]) for x in (weights, steps, upper)), select, result)
+    _sum_up(*(np.ascontiguousarray(x[turn]) for x in (weights, lengths, upper)), select, result)
     return np.ascontiguousarray(result[turn])
 
 
-def nearest_policy(weights: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:
-    """The integral policy with the largest weights on every interval: clean switches, but nothing like singular arcs.
+def roundings(weights: np.ndarray, feasible_set: FeasibleSet) -> list[np.ndarray]:
+    """Integral policies (N, M) near a relaxed one; none of these kinds is the best on every problem.
+
+    The last has the largest weights on every interval: clean switches, but nothing like singular arcs.
 
     Parameters
     ----------
     weights : (N, M) relaxed policy
-    upper : (N, M) largest weights
-    select : places per interval
-
-    Returns (N, M) integral.
+    feasible_set : FeasibleSet that they belong to
     """
-    return vertex(np.where(upper > 0, -weights, 0.0), upper, select)
+    by_use = [feasible_set.round(weights, backward=backward) for backward in (False, True)]
+    return [*by_use, feasible_set.vertex(-weights)]
 
 
 SHORTEST = 4

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.hminimal import SweepOutcome, polish
 from occontrol.scheduling.sweep import Sweep
 
@@ -18,6 +19,7 @@ PATIENCE = 8
 
 def shake(
     sweep: Sweep,
+    feasible_set: FeasibleSet,
     best: SweepOutcome,
     good_enough: float,
     sweeps: int,
@@ -29,7 +31,8 @@ def shake(
 
     Parameters
     ----------
-    sweep : Sweep that `keeps_all`, without a running weight
+    sweep : Sweep that `foresees_exchanges`, without a running weight
+    feasible_set : FeasibleSet of the policies
     best : SweepOutcome of `polish`
     good_enough : cost at which to stop
     sweeps : backward sweeps that may be spent; PATIENCE fruitless shakes in a row also end it
@@ -40,18 +43,16 @@ def shake(
     Returns SweepOutcome, never worse than `best`.
     """
     monitor, rng = monitor or Monitor(), np.random.default_rng(seed)
-    upper, spent = sweep.recursion.upper, sweep.backward_count + sweeps
-    fruitless = 0
+    spent, fruitless = sweep.backward_count + sweeps, 0
     while best.cost > good_enough and fruitless < PATIENCE and sweep.backward_count < spent and not monitor.stop:
         v = best.weights.copy()
-        fits = np.all((v[1:] <= upper[:-1]) & (v[:-1] <= upper[1:]), axis=1)
-        places = np.flatnonzero(fits & np.any(v[1:] != v[:-1], axis=1))
+        places = np.flatnonzero(feasible_set.swap_mask(v) & np.any(v[1:] != v[:-1], axis=1))
         if not len(places):
             break
         chosen = places[rng.random(len(places)) < max(SHARE, 1.0 / len(places))]
         for k in chosen:
             v[[k, k + 1]] = v[[k + 1, k]]
-        found = polish(sweep, v, max_rounds, monitor)
+        found = polish(sweep, feasible_set, v, max_rounds, monitor)
         fruitless += 1
         if found.cost < best.cost:
             best, fruitless = found, 0

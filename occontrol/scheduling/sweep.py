@@ -1,58 +1,53 @@
-"""The forward and backward sweep over a Recursion: cost, gradient, covariance and costate of a policy.
+"""The forward and backward sweep over a Recursion: cost and gradient of a policy.
 
-Memory is O(N n^2); above `memory_budget` bytes only every B-th covariance is kept and the rest recomputed.
+Memory is O(K n^2) for K steps; above `memory_budget` bytes only every B-th covariance is kept and the rest recomputed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from occontrol.families.athans.discretise import HalfPredicts, Recursion
 from occontrol.scheduling import kernels, kernels_blas, kernels_blas_back
+from occontrol.scheduling.criterion import Criterion
+from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.vectors import padded, width
 
 SMALL = 56  # states up to which the loops beat BLAS calls (scripts/bench.py measures where they cross)
 MEMORY_BUDGET = 1_000_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Path:
-    """Covariance, costate and switching functions along a policy.
+class Sweep:
+    """Cost and gradient of policies v (N, M) on one Recursion, with all work space allocated once; an Objective.
+
+        J(v) = sum_kj cost_kj v_kj + sum_k h/2 [tr(R S-) + tr(R S+)] + tr(W S_K)
+        dJ/dv_kj = cost_kj - h_k tr(L_j S+ P+ S+)          summed over the steps k of a decision
+
+    The gradient of a sensor that is not available is its cost alone.
+    `forward_count` and `backward_count` count sweeps.
 
     Parameters
     ----------
-    covariance : (N+1, n, n) at the nodes
-    updated : (N, n, n) S+ after each update (at the midpoints)
-    costate : (N+1, n, n) at the nodes
-    switching : (N, M) s_j = alpha q_j - tr(L_j S+ P+ S+)
+    recursion : Recursion
+    memory_budget : bytes for covariances
+    small : states up to which the loops are used
+    criterion : Criterion of S_K in the place of tr(W S_K); W(S_K) is then found anew for every gradient
     """
 
-    covariance: np.ndarray
-    updated: np.ndarray
-    costate: np.ndarray
-    switching: np.ndarray
-
-
-class Sweep:
-    """Cost and gradient of policies v (N, M) on one Recursion, with all work space allocated once.
-
-        J(v) = sum_kj cost_kj v_kj + sum_k h/2 [tr(R S-) + tr(R S+)] + tr(W S_N)
-        dJ/dv_kj = cost_kj - h_k tr(L_j S+ P+ S+)
-
-    The gradient of a sensor that is not available (upper = 0) is its cost alone.
-    `forward_count` and `backward_count` count sweeps.
-    """
-
-    def __init__(self, recursion: Recursion, memory_budget: int = MEMORY_BUDGET, small: int = SMALL):
+    def __init__(
+        self,
+        recursion: Recursion,
+        memory_budget: int = MEMORY_BUDGET,
+        small: int = SMALL,
+        criterion: Criterion | None = None,
+    ):
         r = self.recursion = recursion
-        n, N, rows = r.states, r.intervals, r.rows.shape[1]
+        n, N, rows = r.states, len(r.steps), r.rows.shape[1]
         self.small = n <= small
         self.dense = len(r.running) > 0
         # rows padded with zeros for the loops; plain for BLAS
         lay = padded if self.small else np.ascontiguousarray
         self._n = n
+        self._available = np.ascontiguousarray(r.on_steps(r.available), dtype=float)
         self._F, self._Q, self._R = lay(r.transition), lay(r.noise), lay(r.running)
         self._rows, w = lay(r.rows), width(n) if self.small else n
         self._S, self._T = np.zeros((n, w)), np.zeros((n, w))
@@ -62,10 +57,8 @@ class Sweep:
         self._store = np.zeros((min(self._segment, N), n, w))
         self._checkpoints = np.zeros((segments if segments > 1 else 0, n, w))
         self._none = np.empty((0, n, w))
-        last = r.transition[r.predict[N]]
-        self.terminal = last.T @ r.terminal @ last
-        self._terminal_noise = float(np.sum(r.terminal * r.noise[r.predict[N]]))
-        self._root = _factor(self.terminal)
+        self._criterion, self._last = criterion, (r.transition[r.predict[N]], r.noise[r.predict[N]])
+        self._weigh(r.terminal if criterion is None else np.eye(n))
         if self.small:
             self._FT = padded(np.swapaxes(r.transition, 1, 2))
             self._work = (np.empty(w),)
@@ -93,6 +86,16 @@ class Sweep:
         self._products = np.empty((0, rows, 1 if self.dense else len(self._root)))
         self.forward_count = self.backward_count = 0
 
+    def _weigh(self, weight: np.ndarray) -> None:
+        """Take W (n, n) as the weight of S_K: `terminal`, W before predict K, and its factor."""
+        F, noise = self._last
+        self.terminal = F.T @ weight @ F
+        self._terminal_noise = float(np.sum(weight * noise))
+        root = _factor(self.terminal)
+        if self._criterion is not None:  # the rank may change from policy to policy, the work space may not
+            root = np.concatenate([root, np.zeros((len(weight) - len(root), len(weight)))])
+        self._root = root
+
     def _forward(self, k0: int, k1: int, weights: np.ndarray, store: np.ndarray) -> float:
         r = self.recursion
         tail = (r.predict, self._rows, r.row_set, r.offsets, r.steps, weights, self._R, r.running_set, store)
@@ -102,7 +105,7 @@ class Sweep:
 
     def _run_forward(self, weights: np.ndarray, keep: bool) -> float:
         """Forward over all intervals; leaves S+ of the last update in _S and returns the cost."""
-        r, N, size = self.recursion, self.recursion.intervals, self._segment
+        r, N, size = self.recursion, len(self.recursion.steps), self._segment
         self._S[:, : self._n] = r.initial
         running = 0.0
         for s, k0 in enumerate(range(0, N, size)):
@@ -111,18 +114,28 @@ class Sweep:
                 self._checkpoints[s] = self._S
             running += self._forward(k0, k1, weights, self._store if keep and k1 == N else self._none)
         self.forward_count += 1
+        if self._criterion is not None:
+            S = self._S[:, : self._n]
+            F, noise = self._last
+            self._final = F @ S @ F.T + noise
+            return float(np.vdot(r.cost, weights)) + running + self._criterion.value(self._final)
         final = float(np.vdot(self.terminal, self._S[:, : self._n]))
         return float(np.vdot(r.cost, weights)) + running + final + self._terminal_noise
 
     def cost(self, weights: np.ndarray) -> float:
         """J of a policy (N, M); one forward sweep."""
-        return self._run_forward(np.ascontiguousarray(weights, dtype=float), keep=False)
+        return self._run_forward(self._on_steps(weights), keep=False)
+
+    def _on_steps(self, weights: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(self.recursion.on_steps(weights), dtype=float)
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
         """J and dJ/dv (N, M) of a policy; one forward and one backward sweep."""
-        r, N, size = self.recursion, self.recursion.intervals, self._segment
-        weights = np.ascontiguousarray(weights, dtype=float)
+        r, N, size = self.recursion, len(self.recursion.steps), self._segment
+        weights = self._on_steps(weights)
         value = self._run_forward(weights, keep=True)
+        if self._criterion is not None:
+            self._weigh(self._criterion.gradient(self._final))
         gradient = np.empty((N, r.sensors))
         if self.dense:
             P = padded(self.terminal) if self.small else self.terminal.copy()
@@ -136,11 +149,11 @@ class Sweep:
                 self._forward(k0, k1, weights, self._store)
             self._backward(k0, k1, P, weights, gradient)
         self.backward_count += 1
-        return value, gradient
+        return value, r.by_decision(gradient)
 
     def _backward(self, k0: int, k1: int, P: np.ndarray, weights: np.ndarray, gradient: np.ndarray) -> None:
         r = self.recursion
-        common = (r.row_set, r.offsets, r.steps, weights, r.upper, r.cost)
+        common = (r.row_set, r.offsets, r.steps, weights, self._available, r.cost)
         if self.dense:
             tail = (*common, self._R, r.running_set, self._store, gradient, *self._rows_work)
             if self.small:
@@ -157,19 +170,29 @@ class Sweep:
             kernels_blas_back.backward_large(*front, *tail)
 
     @property
-    def keeps_all(self) -> bool:
-        """Whether all covariances fit the memory budget, as scheduling/exchange.py needs them."""
-        return self._segment >= self.recursion.intervals
+    def shape(self) -> tuple[int, int]:
+        """(N, M) of the policies."""
+        return self.recursion.intervals, self.recursion.sensors
+
+    @property
+    def states(self) -> int:
+        """n"""
+        return self.recursion.states
+
+    @property
+    def foresees_exchanges(self) -> bool:
+        """Whether scheduling/exchange.py applies: W is given, a decision is one step, all covariances fit in memory."""
+        return self._criterion is None and self.recursion.owner is None and self._segment >= len(self.recursion.steps)
 
     def remember_products(self) -> None:
         """Make every later `cost_and_gradient` keep S+ and, without a running weight, G = C S+ V' of all rows."""
         if not self.dense and not len(self._products):
             r = self.recursion
-            self._products = np.empty((r.intervals, r.rows.shape[1], len(self._root)))
+            self._products = np.empty((len(r.steps), r.rows.shape[1], len(self._root)))
 
     @property
     def kept(self) -> tuple[np.ndarray, np.ndarray]:
-        """S+ (N, n, at least n) and G (N, r, p) of the last `cost_and_gradient`; G after `remember_products`."""
+        """S+ (K, n, at least n) and G (K, r, p) of the last `cost_and_gradient`; G after `remember_products`."""
         return self._store, self._products
 
 
@@ -179,44 +202,3 @@ def _factor(matrix: np.ndarray) -> np.ndarray:
     kept = values > 1e-15 * max(values[-1], 0.0) * len(values)
     kept[-1] = True
     return np.ascontiguousarray((vectors[:, kept] * np.sqrt(np.maximum(values[kept], 0.0))).T)
-
-
-def node_path(recursion: Recursion, halves: HalfPredicts, weights: np.ndarray) -> Path:
-    """Covariance and costate at the nodes, S+ and the switching functions of every sensor, available or not.
-
-    The slow, plain form of the recursion with the two half predicts apart; for output, not for the solvers.
-    """
-    r, n, N = recursion, recursion.states, recursion.intervals
-    F = halves.transition
-    gains = []
-    covariance, updated = np.empty((N + 1, n, n)), np.empty((N, n, n))
-    S = covariance[0] = r.initial
-    per_row = np.repeat(np.arange(r.sensors), np.diff(r.offsets))
-    for k in range(N):
-        a, b = halves.index[2 * k], halves.index[2 * k + 1]
-        C = r.rows[r.row_set[k]] * np.sqrt(r.steps[k] * weights[k, per_row])[:, None]
-        left = np.eye(n)
-        S = F[a] @ S @ F[a].T + halves.noise[a]
-        # row by row: I + C S C' is singular in doubles where S is huge and the rows nearly parallel
-        for row in C[np.any(C != 0, axis=1)]:
-            gain = S @ row / (1.0 + row @ S @ row)
-            each = np.eye(n) - np.outer(gain, row)
-            S = each @ S @ each.T + np.outer(gain, gain)
-            left = each @ left
-        S = updated[k] = (S + S.T) / 2
-        gains.append(left)
-        S = F[b] @ S @ F[b].T + halves.noise[b]
-        S = covariance[k + 1] = (S + S.T) / 2
-    costate, switching = np.empty((N + 1, n, n)), np.empty((N, r.sensors))
-    P = costate[N] = r.terminal
-    for k in range(N - 1, -1, -1):
-        a, b = halves.index[2 * k], halves.index[2 * k + 1]
-        R = 0.5 * r.steps[k] * r.running[r.running_set[k]] if len(r.running) else 0.0
-        P = F[b].T @ P @ F[b] + R
-        rows = r.rows[r.row_set[k]] @ updated[k]
-        per = np.einsum("ri,ij,rj->r", rows, P, rows)
-        switching[k] = r.cost[k] / r.steps[k] - np.bincount(per_row, per, minlength=r.sensors)
-        P = gains[k].T @ P @ gains[k] + R
-        P = F[a].T @ P @ F[a]
-        P = costate[k] = (P + P.T) / 2
-    return Path(covariance, updated, costate, switching)

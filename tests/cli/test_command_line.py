@@ -231,6 +231,17 @@ def test_certify_catches_a_listed_schedule_that_is_not_the_solved_one(small_file
         assert "the schedule that result.json lists is not the one in arrays.npz" in "".join(capsys.readouterr())
 
 
+def test_compare_gives_every_method_a_clock_of_its_own(small_text: str, tmp_path: Path, capsys: Captured) -> None:
+    """The time limit of the first method stops it, and nobody else."""
+    hasty = small_text.replace("relative_gap: 1.0e-4", "relative_gap: 1.0e-6, time_limit: 1.0e-9")
+    (tmp_path / "x.yaml").write_text(hasty)
+    assert run(["compare", str(tmp_path / "x.yaml"), "--methods", "schedule,greedy,random", "--json"]) == 0
+    rows = {row["method"]: row for row in json.loads(capsys.readouterr().out)["methods"]}
+    assert rows["schedule"]["status"] == "limit"
+    for name in ("greedy", "random"):
+        assert rows[name]["status"] == "feasible"
+
+
 def test_compare_sets_methods_side_by_side(small_file: Path, capsys: Captured) -> None:
     assert run(["compare", str(small_file), "--methods", "schedule,best-single,greedy"]) == 0
     text = capsys.readouterr().out

@@ -157,6 +157,9 @@ def test_time_left_follows_the_rate_at_which_the_gap_falls() -> None:
     assert "iteration 4" in progress_text(falling) and "about 4 s left" in progress_text(falling)
     assert time_left(at([(float(t), 0.5) for t in range(9)])) is None
     assert time_left(at([(float(t), 0.5) for t in range(9)], limit=10.0)) == pytest.approx(2.0, abs=0.2)
+    running = at([(float(t), 0.5) for t in range(9)])
+    running.deadline = 11.0  # of the method at work
+    assert time_left(running) == pytest.approx(3.0, abs=0.2)
     assert time_left(at([])) is None
     assert progress_text(at([])).startswith("preparing")
 
@@ -181,16 +184,17 @@ def test_polishing_one_by_one_stops_when_asked(
 ) -> None:
     import occontrol
     from occontrol.core.monitor import Monitor
-    from occontrol.families.athans.discretise import discretise
+    from occontrol.families.athans.discretise import discretise, feasible_set
     from occontrol.scheduling.baselines import round_robin
     from occontrol.scheduling.hminimal import polish
     from occontrol.scheduling.sweep import Sweep
 
     (tmp_path / "x.yaml").write_text(small_text.replace("output:", "running: {diag: [0.1, 0.2]}, output:"))
-    sweep = Sweep(discretise(occontrol.read_problem(tmp_path / "x.yaml")))
+    problem = occontrol.read_problem(tmp_path / "x.yaml")
+    sweep, allowed = Sweep(discretise(problem)), feasible_set(problem)
     assert sweep.dense  # a running weight
-    start = round_robin(sweep.recursion)
-    assert polish(sweep, start).cost < sweep.cost(start)
+    start = round_robin(sweep.recursion, allowed)
+    assert polish(sweep, allowed, start).cost < sweep.cost(start)
     calls: list[str] = []
     for name in ("cost", "cost_and_gradient"):
         counted = getattr(sweep, name)
@@ -198,6 +202,6 @@ def test_polishing_one_by_one_stops_when_asked(
             sweep, name, lambda *a, _name=name, _of=counted, **k: (calls.append(_name), _of(*a, **k))[1], raising=False
         )
     asked = Monitor(interrupted=signal.SIGINT)
-    stopped = polish(sweep, start, monitor=asked)
+    stopped = polish(sweep, allowed, start, monitor=asked)
     assert stopped.end == "interrupted" and not asked.history
     assert len(calls) <= 3, calls

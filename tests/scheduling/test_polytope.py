@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import linprog, minimize
 
 from occontrol.scheduling.cuts import Cuts
+from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.polytope import excess, project, uniform, vertex
 
 
@@ -49,8 +50,7 @@ def test_projection_is_the_nearest_point(select):
 
 def test_mixed_cuts_prove_more_than_the_best_alone():
     # f(w) = |w1 - w2| on the simplex: each cut alone proves little, half of each proves the optimum
-    upper = np.ones((1, 2))
-    cuts = Cuts((1, 2), upper, 1)
+    cuts = Cuts(IntervalPolytopes(np.ones((1, 2)), 1))
     for w, g in (([1.0, 0.0], [1.0, -1.0]), ([0.0, 1.0], [-1.0, 1.0])):
         cuts.add(1.0, np.array([g]), np.array([w]))
     assert cuts.bound(200) == pytest.approx(0.0, abs=0.02)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, null_space
 
+from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.quasi_newton import FaceBFGS
 
 
@@ -22,7 +23,7 @@ def test_the_direction_is_that_of_the_whole_matrix_on_the_face(given, seed):
     N, M, memory = 7, 4, 6
     root = rng.normal(size=(N * M, N * M))
     hessian = root @ root.T + np.eye(N * M)
-    upper = np.ones((N, M))
+    allowed = IntervalPolytopes(np.ones((N, M)), 1)
     bfgs = FaceBFGS((N, M), memory)
     pairs = []
     for _ in range(given):
@@ -47,7 +48,7 @@ def test_the_direction_is_that_of_the_whole_matrix_on_the_face(given, seed):
     s, y = (plane.T @ x for x in pairs[-1])
     B = dense_bfgs((y @ y) / (s @ y), pairs)
     expected = -plane @ np.linalg.solve(plane.T @ B @ plane, plane.T @ gradient.ravel())
-    found = bfgs.direction(weights, gradient, upper)
+    found = bfgs.direction(weights, gradient, allowed)
     np.testing.assert_allclose(found.ravel(), expected, rtol=1e-8, atol=1e-10 * np.max(np.abs(expected)))
     assert np.all(found[~free] == 0.0)
 
@@ -55,5 +56,5 @@ def test_the_direction_is_that_of_the_whole_matrix_on_the_face(given, seed):
 def test_a_sliver_pushed_to_its_bound_gives_its_weight_to_the_anchor():
     bfgs = FaceBFGS((1, 3))
     weights = np.array([[0.7, 0.3 - 1e-7, 1e-7]])
-    found = bfgs.direction(weights, np.array([[0.0, 0.0, 1.0]]), np.ones((1, 3)))
+    found = bfgs.direction(weights, np.array([[0.0, 0.0, 1.0]]), IntervalPolytopes(np.ones((1, 3)), 1))
     assert found[0, 2] == -1e-7 and abs(found.sum()) < 1e-20

@@ -6,10 +6,11 @@ from scipy.linalg import expm, solve_continuous_are
 
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor
-from occontrol.families.athans.discretise import discretise, half_predicts
+from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
+from occontrol.families.athans.node_path import node_path
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling.exchange import best_exchanges
-from occontrol.scheduling.sweep import Sweep, node_path
+from occontrol.scheduling.sweep import Sweep
 from tests.families.athans.random_problems import random_policy, random_problem
 
 FEATURES = [
@@ -80,7 +81,7 @@ def test_cost_gradient_and_memory_saving_agree(features, small):
     np.testing.assert_allclose(g, g2, rtol=1e-13)
     # the plain path's switching functions are the gradient per unit time, wherever the sensor is available
     switching = node_path(r, half_predicts(problem), v).switching * r.steps[:, None]
-    open_ = r.upper > 0
+    open_ = problem.upper > 0
     np.testing.assert_allclose(g[open_], switching[open_], rtol=1e-6, atol=1e-8 * np.max(np.abs(g)))
 
 
@@ -174,12 +175,12 @@ def test_exchange_gains_are_exact(features):
     sweep.remember_products()
     v = random_policy(problem, np.random.default_rng(2), integral=True)
     J, _ = sweep.cost_and_gradient(v)
-    gain, leaving, entering = best_exchanges(sweep, v)
+    gain, leaving, entering = best_exchanges(sweep, feasible_set(problem), v)
     other = Sweep(r)
     for k in range(r.intervals):
         best = 0.0
         for j in np.flatnonzero(v[k] > 0.5):
-            for e in np.flatnonzero(v[k] < r.upper[k] - 0.5):
+            for e in np.flatnonzero(v[k] < problem.upper[k] - 0.5):
                 if e != j:
                     trial = v.copy()
                     trial[k, j] -= 1
@@ -197,14 +198,14 @@ def test_with_a_running_weight_an_exchange_saves_at_least_what_is_said(rows):
     sweep.remember_products()
     v = random_policy(problem, np.random.default_rng(2), integral=True)
     J, _ = sweep.cost_and_gradient(v)
-    gain, leaving, entering = best_exchanges(sweep, v)
+    gain, leaving, entering = best_exchanges(sweep, feasible_set(problem), v)
     assert np.any(gain < 0)
     changes = []
     for k in np.flatnonzero(gain < 0):
         trial = v.copy()
         trial[k, leaving[k]] -= 1
         trial[k, entering[k]] += 1
-        assert np.all(trial >= 0) and np.all(trial <= r.upper)
+        assert np.all(trial >= 0) and np.all(trial <= problem.upper)
         changes.append(Sweep(r).cost(trial) - J)
     assert np.all(changes <= gain[gain < 0] + 1e-10 * abs(J))
 
@@ -217,7 +218,7 @@ def test_on_the_last_interval_an_exchange_saves_exactly_what_is_said(rows):
     costs = [sweep.cost(np.eye(4)[None, j]) for j in range(4)]
     for j in range(4):
         J, _ = sweep.cost_and_gradient(np.eye(4)[None, j])
-        (gain,), (leaving,), (entering,) = best_exchanges(sweep, np.eye(4)[None, j])
+        (gain,), (leaving,), (entering,) = best_exchanges(sweep, feasible_set(problem), np.eye(4)[None, j])
         if costs[j] == min(costs):
             assert (gain, leaving, entering) == (0.0, -1, -1)
         else:

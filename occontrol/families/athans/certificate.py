@@ -1,9 +1,8 @@
-"""Cost, lower bound and gap of a policy: of the discretised problem, and independently in continuous time.
+"""Cost, lower bound and gap of a policy in continuous time, independently of the grid's (scheduling/bounds.py).
 
-Discretised: J(v) - sum_k [v_k.g_k - min_w w.g_k] for any v, so also the relaxation's bound holds for every schedule on
-the grid. Continuous: covariance and costate re-integrated by continuous/reintegration.py, which shares no numerics with
-the recursion; only that bound holds for all switching times. The two costs must agree within the discretisation error,
-which is measured by halving every interval.
+Covariance and costate are re-integrated by continuous/reintegration.py, which shares no numerics with the recursion;
+only that bound holds for all switching times. The two costs must agree within the discretisation error, which is
+measured by halving every interval.
 """
 
 from __future__ import annotations
@@ -16,34 +15,16 @@ import numpy as np
 from occontrol.core.clock import nearest_edge
 from occontrol.core.schedule import Schedule
 from occontrol.core.signal import TableSignal
-from occontrol.core.solution import Certificate
+from occontrol.core.solution import ALLOWANCE, Certificate
 from occontrol.families.athans.continuous.reintegration import ContinuousCheck, reintegrate
-from occontrol.families.athans.discretise import Recursion, discretise
-from occontrol.families.athans.integration.folded import Extrapolated
-from occontrol.families.athans.integration.integrator import Evaluation
+from occontrol.families.athans.discretise import discretise
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.polytope import excess
+from occontrol.scheduling.bounds import at_least_zero
 from occontrol.scheduling.sweep import Sweep
 
 SAFETY = 5.0
 FEW = 512  # intervals
 RELATIVE = 1e-6
-
-
-def policy_certificate(recursion: Recursion, found: Evaluation, known_bound: float = -np.inf) -> Certificate:
-    """Cost of a policy and the better of its own lower bound and one known already.
-
-    Parameters
-    ----------
-    recursion : with one step an interval, for the set of the weights
-    found : Evaluation of the policy; its own bound is lowered by its error where it is extrapolated
-    known_bound : a proven lower bound of the same recursion, if any
-    """
-    J, g = found.cost, found.gradient
-    own = J - float(np.sum(excess(found.weights, g, recursion.upper, recursion.select)))
-    own -= found.error if isinstance(found.on, Extrapolated) else 0.0
-    # no cost is negative (q, R and W are not); a bound may exceed the cost by rounding only
-    return Certificate(J, min(max(own, known_bound, 0.0), J))
 
 
 def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: float) -> float:
@@ -89,7 +70,7 @@ class Judgement:
     continuous : the policy in continuous time
     lower_bound : the best continuous-time bound of all policies that were re-integrated
     discretisation_error : estimated |J(h) - J(0)|
-    agrees : whether the two costs lie within 5 times that plus 1e-6 relative
+    agrees : whether the two costs lie within 5 times that plus 1e-6 relative, and the bound does not contradict
     """
 
     continuous: ContinuousCheck
@@ -99,13 +80,15 @@ class Judgement:
 
     @property
     def certificate(self) -> Certificate:
-        """Cost and bound in continuous time."""
-        return Certificate(self.continuous.cost, min(self.lower_bound, self.continuous.cost))
+        """Cost and bound in continuous time; the allowance is the error that the integration states."""
+        cost = self.continuous.cost
+        return Certificate(cost, self.lower_bound, max(ALLOWANCE, self.continuous.error / abs(cost)) if cost else 0.0)
 
     @property
     def text(self) -> str:
         """What the user reads when the check disagrees."""
-        return f"the recursion and the independent integration differ by more than {SAFETY:g} discretisation errors"
+        differ = f"the recursion and the independent integration differ by more than {SAFETY:g} discretisation errors"
+        return self.certificate.text or differ
 
 
 def judge(
@@ -133,7 +116,8 @@ def judge(
     if error is None or not np.isfinite(error):
         error = discretisation_error(problem, weights, cost)
     allowed = SAFETY * error + RELATIVE * abs(cost) + check.error
-    return Judgement(check, max(bound, 0.0), error, bool(abs(check.cost - cost) <= allowed))
+    judged = Judgement(check, at_least_zero(bound, check.cost), error, bool(abs(check.cost - cost) <= allowed))
+    return replace(judged, agrees=judged.agrees and not judged.certificate.contradicts)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ Second order in h, convex in v exactly, and its adjoint gives the certificate of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,64 +17,10 @@ from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import ConstantSignal
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.transition import transitions, unique_spans
+from occontrol.scheduling.feasible_set import IntervalPolytopes
+from occontrol.scheduling.recursion import Recursion
 
 NEGLIGIBLE = 1e-100
-
-
-@dataclass(frozen=True, eq=False)
-class Recursion:
-    """Everything that the sweeps need, as arrays.
-
-    Parameters
-    ----------
-    initial : (n, n) covariance before predict 0
-    transition, noise : (U, n, n) distinct F and Q of the merged predicts
-    predict : (N+1,) which of the U belongs to predict k
-    rows : (S, r, n) scaled rows Theta^{-1/2} C of all sensors, one below the other
-    row_set : (N,) which of the S belongs to update k
-    offsets : (M+1,) rows of sensor j are offsets[j]:offsets[j+1]
-    steps : (N,) lengths h
-    cost : (N, M) alpha q_j h
-    running : (V, n, n) distinct R, or (0, n, n) if there is none
-    running_set : (N,) which of the V is charged at update k
-    terminal : (n, n) weight W on the covariance after predict N
-    upper : (N, M) largest weights
-    select : sum of the weights of an interval
-    """
-
-    initial: np.ndarray
-    transition: np.ndarray
-    noise: np.ndarray
-    predict: np.ndarray
-    rows: np.ndarray
-    row_set: np.ndarray
-    offsets: np.ndarray
-    steps: np.ndarray
-    cost: np.ndarray
-    running: np.ndarray
-    running_set: np.ndarray
-    terminal: np.ndarray
-    upper: np.ndarray
-    select: int
-
-    @property
-    def states(self) -> int:
-        """n"""
-        return self.initial.shape[0]
-
-    @property
-    def intervals(self) -> int:
-        """N"""
-        return len(self.steps)
-
-    @property
-    def sensors(self) -> int:
-        """M"""
-        return len(self.offsets) - 1
-
-    def with_cost_weight(self, factor: float) -> Recursion:
-        """The same with every observation cost multiplied by `factor` (warm starts along alpha)."""
-        return replace(self, cost=self.cost * factor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,6 +144,15 @@ def recursion_on(
         running=np.ascontiguousarray((running + np.swapaxes(running, 1, 2)) / 2),
         running_set=running_set,
         terminal=prediction_weight(problem)[0],
-        upper=problem.upper if owner is None else problem.upper[owner],
-        select=problem.select,
+        available=problem.upper if owner is None else problem.upper[owner],
     )
+
+
+def feasible_set(problem: SchedulingProblem) -> IntervalPolytopes:
+    """What schedules the problem allows on its grid: windows, and `select` sensors at a time.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    """
+    return IntervalPolytopes(problem.upper, problem.select, problem.edges, tuple(problem.sensors.names))

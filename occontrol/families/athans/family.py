@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from occontrol.core.clock import nearest_edge
-from occontrol.core.errors import SolveFailed
+from occontrol.core.errors import ProblemError, SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
@@ -52,27 +52,18 @@ def solve(problem: SchedulingProblem, method: Any = None, monitor: Monitor | Non
     Returns a Solution whose status is certified, feasible, limit, interrupted or disagrees.
     Raises InfeasibleError when some interval cannot be filled, SolveFailed when nothing usable was found.
     """
-    from occontrol.families.athans.integration.integrator import Integrator
-    from occontrol.families.athans.integration.refine import relax_and_refine
+    from occontrol.families.athans.discretise import feasible_set
+    from occontrol.families.athans.integration.refine import search_space
     from occontrol.families.athans.result import assemble
-    from occontrol.families.athans.run_method import run_method
-    from occontrol.scheduling.relaxation import RelaxedOptions
 
-    monitor = monitor or Monitor()
     method = method or problem.method or RelaxRoundPolish()
+    monitor = (monitor or Monitor()).child(getattr(method, "time_limit", None))
     problem.require_feasible()
     started = time.perf_counter()
-    if monitor.time_limit is None and getattr(method, "time_limit", None) is not None:
-        monitor.time_limit = monitor.seconds + method.time_limit
-    if isinstance(method, Collocation):
-        integrator = Integrator(problem, method.relative_gap)
-        found = run_method(problem, method, integrator.sweep, monitor)
-        return assemble(problem, method.name, integrator, integrator.sweep, found, monitor, started)
-    monitor.stage = "relaxation"
-    limits = RelaxedOptions(method.relative_gap, getattr(method, "max_iterations", 500))
-    problem, integrator, relaxed = relax_and_refine(problem, limits, monitor)
-    found = run_method(problem, method, relaxed.sweep, monitor, relaxed)
-    return assemble(problem, method.name, integrator, relaxed.sweep, found, monitor, started)
+    integrator, sweep = search_space(problem, method, monitor)
+    problem = integrator.problem
+    found = method.run(problem, sweep, feasible_set(problem), monitor)
+    return assemble(problem, method.name, integrator, sweep, found, monitor, started)
 
 
 def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | None = None) -> Solution:
@@ -85,22 +76,26 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     claims : what somebody says of it; refuted claims make the status `disagrees`
 
     Returns a Solution with method "certify"; the bound is the better of the schedule's own and a relaxation's.
+    Raises ProblemError when the schedule breaks a window or does not use `select` sensors at a time.
     """
     from occontrol.families.athans.certificate import false_claims
+    from occontrol.families.athans.discretise import feasible_set
+    from occontrol.families.athans.found import Found
     from occontrol.families.athans.integration.refine import relax_and_refine
     from occontrol.families.athans.result import assemble
-    from occontrol.families.athans.run_method import Found
     from occontrol.scheduling.relaxation import RelaxedOptions
 
     started = time.perf_counter()
     monitor = Monitor()
     problem, weights = on_common_grid(problem, schedule)
     problem.require_feasible()
+    if mistakes := feasible_set(problem).check(weights):
+        raise ProblemError(mistakes)
     gap = getattr(problem.method, "relative_gap", 1e-4)
-    problem, integrator, finely = relax_and_refine(problem, RelaxedOptions(gap), monitor, refine=False)
-    relaxed = finely.outcome
+    integrator, sweep = relax_and_refine(problem, RelaxedOptions(gap), monitor, refine=False)
+    relaxed = sweep.outcome
     found = Found(weights, relaxed.iterations, relaxed.status, "", relaxed, target=gap)
-    solution = assemble(problem, "certify", integrator, finely.sweep, found, monitor, started)
+    solution = assemble(problem, "certify", integrator, sweep, found, monitor, started)
     if claims is not None and solution.certificate is not None:
         lowest = min(relaxed.cost, solution.certificate.cost)
         continuous = solution.result["continuous"]["cost"]

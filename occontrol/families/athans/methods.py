@@ -1,9 +1,39 @@
-"""The methods of the athans family as values: each a frozen dataclass of its own options."""
+"""The methods of the athans family as values: each a frozen dataclass of its own options that checks and runs itself.
+
+`run` imports what it needs when it is called: to read a problem file nothing is compiled. The baselines stand in
+families/athans/baselines.py.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
+
+from occontrol.core.errors import Mistake
+from occontrol.core.method import check_options
+from occontrol.core.solution import Status
+from occontrol.families.athans.baselines import BestSingle, Greedy, Random, RoundRobin
+
+if TYPE_CHECKING:
+    from occontrol.core.monitor import Monitor
+    from occontrol.families.athans.found import Found
+    from occontrol.families.athans.problem import SchedulingProblem
+    from occontrol.scheduling.feasible_set import FeasibleSet
+    from occontrol.scheduling.sweep import Sweep
+
+__all__ = ["BestSingle", "Collocation", "Greedy", "HMinimal", "Random", "RelaxRoundPolish", "Relaxed", "RoundRobin"]
+
+SHAKEN = 4  # sweeps of the shaken polish for each of the relaxation's, which cost more
+STARTS = {"best-single": BestSingle, "round-robin": RoundRobin, "greedy": Greedy, "random": Random}
+_POSITIVE = ("relative_gap", "time_limit")
+_END = {
+    "stationary": "The policy minimises the Hamiltonian on every interval.",
+    "no-descent": "No partial step lowers the cost; where arcs are singular a switching policy can only chatter.",
+    "cycle": "The plain full-step sweep repeats itself; use full_step: false.",
+    "limit": "max_iterations came first.",
+    "interrupted": "Interrupted; this is the best so far.",
+}
 
 
 @dataclass(frozen=True)
@@ -21,6 +51,21 @@ class Relaxed:
     relative_gap: float = 1e-4
     max_iterations: int = 3000
     time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        check_options(self, positive=_POSITIVE, at_least={"max_iterations": 1})
+
+    def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
+        """Nothing: it fits every problem."""
+        return ()
+
+    def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
+        """The relaxed optimum."""
+        from occontrol.families.athans.found import relax
+
+        found = relax(sweep, feasible_set, monitor, self.relative_gap, self.max_iterations)
+        found.proves = True
+        return found
 
 
 @dataclass(frozen=True)
@@ -40,6 +85,49 @@ class RelaxRoundPolish:
     max_iterations: int = 3000
     polish: int = 200
     time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        check_options(self, positive=_POSITIVE, at_least={"max_iterations": 1, "polish": 0})
+
+    def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
+        """Nothing: it fits every problem."""
+        return ()
+
+    def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
+        """The best of several roundings of the relaxed optimum, polished."""
+        from occontrol.families.athans.found import relax
+        from occontrol.families.athans.integration.polish import Repolish, polish_for
+        from occontrol.families.athans.integration.priced import Judged, in_terms_of, judge_of
+        from occontrol.scheduling.hminimal import polish
+        from occontrol.scheduling.rounding import roundings
+        from occontrol.scheduling.shaking import shake
+
+        found = relax(sweep, feasible_set, monitor, self.relative_gap, self.max_iterations)
+        found.proves = True
+        monitor.stage = "rounding"
+        # none of the roundings is the best on every problem, and a polish costs a fraction of the relaxation
+        candidates = sorted(roundings(found.weights, feasible_set), key=sweep.cost)
+        found.weights, relaxed = candidates[0], found.relaxed
+        if self.polish and not monitor.stop:
+            # without exact exchanges a polish is slow: the best start alone
+            exact = sweep.foresees_exchanges and not sweep.dense
+            starts = candidates if exact else candidates[:1]
+            done = [polish(sweep, feasible_set, start, self.polish, monitor) for start in starts]
+            best, judge = min(done, key=lambda o: o.cost), judge_of(sweep)
+            if relaxed is not None:
+                inner = in_terms_of(sweep, relaxed)
+                if exact and best.end == "stationary":
+                    enough = inner.lower_bound + self.relative_gap * abs(relaxed.cost + best.cost - inner.cost)
+                    spent = SHAKEN * inner.sweeps["gradients"]
+                    best = shake(sweep, feasible_set, best, enough, spent, self.polish, monitor)
+                if isinstance(judge, Judged):
+                    offset = relaxed.cost - inner.cost
+                    options = Repolish(self.relative_gap, self.polish)
+                    best = polish_for(judge, feasible_set, [o.weights for o in done], best, offset, options, monitor)
+            found.weights, found.extra["polish_rounds"] = best.weights, best.iterations
+            if best.end == "interrupted":
+                found.status = Status.INTERRUPTED
+        return found
 
 
 @dataclass(frozen=True)
@@ -64,61 +152,29 @@ class HMinimal:
     start: str = "best-single"
     time_limit: float | None = None
 
+    def __post_init__(self) -> None:
+        least = {"max_iterations": 1, "tolerance": 0}
+        check_options(self, positive=_POSITIVE, at_least=least, one_of={"start": tuple(STARTS)})
 
-@dataclass(frozen=True)
-class BestSingle:
-    """Baseline: the best fixed choice, used whenever it is available.
+    def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
+        """Nothing: it fits every problem."""
+        return ()
 
-    Parameters
-    ----------
-    relative_gap : target of the relaxation whose bound stands beside the result
-    """
+    def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
+        """Where the sweep ended, with the relaxation whose bound stands beside it."""
+        from occontrol.families.athans.found import relax
+        from occontrol.families.athans.integration.priced import judge_of
+        from occontrol.scheduling.hminimal import h_minimal
 
-    name: ClassVar[str] = "best-single"
-    relative_gap: float = 1e-4
-
-
-@dataclass(frozen=True)
-class RoundRobin:
-    """Baseline: the sensors in turn.
-
-    Parameters
-    ----------
-    relative_gap : target of the relaxation whose bound stands beside the result
-    dwell : intervals between switches
-    """
-
-    name: ClassVar[str] = "round-robin"
-    relative_gap: float = 1e-4
-    dwell: int = 1
-
-
-@dataclass(frozen=True)
-class Random:
-    """Baseline: a random available choice on every interval.
-
-    Parameters
-    ----------
-    relative_gap : target of the relaxation whose bound stands beside the result
-    seed : of the random numbers
-    """
-
-    name: ClassVar[str] = "random"
-    relative_gap: float = 1e-4
-    seed: int = 1
-
-
-@dataclass(frozen=True)
-class Greedy:
-    """Baseline: on every interval the choice that would be best if measuring ended with it.
-
-    Parameters
-    ----------
-    relative_gap : target of the relaxation whose bound stands beside the result
-    """
-
-    name: ClassVar[str] = "greedy"
-    relative_gap: float = 1e-4
+        found = relax(sweep, feasible_set, monitor, self.relative_gap, self.max_iterations)
+        first, judge = STARTS[self.start]().policy(sweep, feasible_set), judge_of(sweep)
+        done = h_minimal(judge, feasible_set, first, self.max_iterations, self.tolerance, self.full_step, monitor)
+        found.weights, found.iterations, found.bound = done.weights, done.iterations, done.lower_bound
+        found.extra["end"] = done.end
+        found.message = _END[done.end]
+        if done.end == "interrupted":
+            found.status = Status.INTERRUPTED
+        return found
 
 
 @dataclass(frozen=True)
@@ -140,3 +196,22 @@ class Collocation:
     stages: int = 3
     max_iterations: int = 300
     time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        least = {"stages": 1, "max_iterations": 1}
+        check_options(self, positive=_POSITIVE, at_least=least, one_of={"scheme": ("radau", "legendre")})
+
+    def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
+        """Nothing: it fits every problem, though it is slow for many states."""
+        return ()
+
+    def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
+        """Ipopt's policy; `sweep` plays no part in finding it."""
+        from occontrol.families.athans.collocation.solve import solve_collocation
+        from occontrol.families.athans.found import Found
+
+        monitor.stage = "collocation"
+        raw = solve_collocation(problem, self, monitor)
+        found = Found(raw.weights, raw.iterations, raw.status, raw.message, target=self.relative_gap)
+        found.extra["collocation_cost"] = float(raw.cost)
+        return found

@@ -56,7 +56,7 @@ class SchedulingProblem:
     select: int = 1
     method: Any = None
     expect: Mapping[str, Any] | None = None
-    integration: Integration = Integration()
+    integration: Integration = field(default_factory=Integration)
     family: str = field(default="athans", init=False)
     added_edges: tuple[tuple[float, str], ...] = field(default=(), init=False, repr=False)
     warnings: tuple[str, ...] = field(default=(), init=False, repr=False)

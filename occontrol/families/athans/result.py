@@ -10,16 +10,17 @@ import numpy as np
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status
-from occontrol.families.athans.certificate import judge, policy_certificate
-from occontrol.families.athans.discretise import prediction_weight
+from occontrol.families.athans.certificate import judge
+from occontrol.families.athans.discretise import feasible_set, prediction_weight
 from occontrol.families.athans.filter.gains import filter_gains
 from occontrol.families.athans.filter.planned import planned_gains
+from occontrol.families.athans.found import Found
 from occontrol.families.athans.integration.integrator import Integrator
 from occontrol.families.athans.integration.path import finer_steps, parts_of
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.families.athans.run_method import Found
+from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.hminimal import polish
-from occontrol.scheduling.rounding import singular_intervals, sum_up_rounding
+from occontrol.scheduling.rounding import singular_intervals
 from occontrol.scheduling.sweep import Sweep
 
 
@@ -44,11 +45,11 @@ def assemble(
     monitor : Monitor
     started : time.perf_counter() at the start
     """
-    r, v = integrator.recursion, found.weights
+    r, v, allowed = integrator.recursion, found.weights, feasible_set(problem)
     relaxed = found.relaxed
     known = max(found.bound, relaxed.lower_bound if relaxed is not None else -np.inf)
     evaluated = integrator.evaluate(v)
-    certificate = policy_certificate(r, evaluated, known)
+    certificate = evaluated.certificate(allowed, known)
     monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
     # whoever interrupts waits for one re-integration, not for two
     better = relaxed.weights if relaxed is not None and not monitor.interrupted else None
@@ -59,10 +60,12 @@ def assemble(
     if status is Status.CERTIFIED and not found.proves and certificate.relative_gap > found.target:
         status = Status.FEASIBLE
     schedule = Schedule(problem.edges, v, tuple(problem.sensors.names))
-    singular = _singular_fraction(sweep, relaxed.weights if relaxed is not None else v, v, monitor)
+    singular = _singular_fraction(sweep, allowed, relaxed.weights if relaxed is not None else v, v, monitor)
     observation, error = parts.observation, parts.prediction
     continuous = judged.certificate
-    if not judged.agrees:
+    if certificate.contradicts:
+        status, message = Status.DISAGREES, certificate.text
+    elif not judged.agrees:
         status, message = Status.DISAGREES, judged.text
     elif not _adds_up(certificate.cost, observation, error, r.running.shape[0] > 0):
         status, message = Status.DISAGREES, _SPOILT
@@ -120,12 +123,14 @@ def assemble(
     )
 
 
-def _singular_fraction(sweep: Sweep, relaxed: np.ndarray, weights: np.ndarray, monitor: Monitor) -> float:
+def _singular_fraction(
+    sweep: Sweep, allowed: FeasibleSet, relaxed: np.ndarray, weights: np.ndarray, monitor: Monitor
+) -> float:
     """Share of the horizon on singular arcs of the relaxed optimum."""
     r = sweep.recursion
     rounded = weights
     if weights is relaxed or not np.array_equal(weights, np.round(weights)):
-        rounded = polish(sweep, sum_up_rounding(relaxed, r.steps, r.upper, r.select), 50, monitor.silent()).weights
+        rounded = polish(sweep, allowed, allowed.round(relaxed), 50, monitor.child(silent=True)).weights
     singular = singular_intervals(relaxed, rounded)
     return float(np.sum(r.steps[singular]) / np.sum(r.steps))
 

@@ -19,11 +19,10 @@ from occontrol.core.errors import ProblemError
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Status
-from occontrol.families.athans.discretise import discretise, prediction_weight
+from occontrol.families.athans.discretise import discretise, feasible_set, prediction_weight
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling.hminimal import polish
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
-from occontrol.scheduling.rounding import sum_up_rounding
 from occontrol.scheduling.sweep import Sweep
 
 POLISH_ROUNDS = 200
@@ -126,8 +125,9 @@ def tradeoff(problem: SchedulingProblem, cost_weights: Sequence[float], monitor:
 
     Raises InfeasibleError when no schedule exists, ProblemError when no sensor costs anything.
     """
-    monitor = monitor or Monitor()
+    monitor = (monitor or Monitor()).child()
     problem.require_feasible()
+    allowed = feasible_set(problem)
     base = Sweep(discretise(replace(problem, cost_weight=1.0)))
     rates = base.recursion.cost
     if not np.any(rates * (problem.upper > 0)):
@@ -139,14 +139,13 @@ def tradeoff(problem: SchedulingProblem, cost_weights: Sequence[float], monitor:
     for alpha in sorted(set(float(a) for a in cost_weights)):
         monitor.stage = f"alpha {alpha:.3g}"
         sweep = Sweep(base.recursion.with_cost_weight(alpha))
-        found = minimise_relaxed(sweep, start, options, monitor)
+        found = minimise_relaxed(sweep, allowed, start, options, monitor)
         if found.status is Status.INTERRUPTED and done:
             status = Status.INTERRUPTED
             break
         start = found.weights
-        r = sweep.recursion
-        rounded = sum_up_rounding(found.weights, r.steps, r.upper, r.select)
-        schedules.append(polish(sweep, rounded, POLISH_ROUNDS, monitor).weights)
+        rounded = allowed.round(found.weights)
+        schedules.append(polish(sweep, allowed, rounded, POLISH_ROUNDS, monitor).weights)
         relaxed.append(found.weights)
         bounds.append(found.lower_bound)
         done.append(alpha)

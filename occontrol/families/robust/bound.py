@@ -4,24 +4,25 @@ N = (P^-1 - X)^-1 obeys an ordinary Kalman Riccati equation with A + BB'X, so N^
 earlier edge and in the shares v, and a size is convex in P^-1. One policy v, optimal or not, therefore gives at every
 edge j a plane below the best size that is still within reach from there:
     V_j(N) >= c_j - <G_j, N^-1>
-The policy comes from the same kernel and solver as the schedules of the athans family, on a split recursion; its
+The policy comes from the common kernel and solver (scheduling/), on a split recursion; its
 planes are then computed on the exact slots (complex-step derivatives), so the splitting error never enters a bound.
 Unknown: v (N, M), rows in the simplex.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.families.robust.criteria import Smoothed, Supported
 from occontrol.families.robust.game import ordinary_elements
 from occontrol.families.robust.scattering import Element, advance, retreat
 from occontrol.families.robust.slots import Slots
+from occontrol.scheduling.criterion import Criterion
+from occontrol.scheduling.feasible_set import FeasibleSet, IntervalPolytopes
+from occontrol.scheduling.recursion import Recursion
 
 STEP = 1e-30  # of the complex-step derivative
 PANELS = 60  # split intervals for the first policy
@@ -67,10 +68,10 @@ def walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int = 0, p
 
     `power` picks the supporting function of a size with a kink, see `Size.support`.
     """
-    return _walk(slots, weights, start, first, lambda P: slots.size.support(P, slots.level, power))
+    return _walk(slots, weights, start, first, Supported(slots.size, slots.level, power))
 
 
-def _walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int, terminal: Callable) -> Walk:
+def _walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int, criterion: Criterion) -> Walk:
     elements = mixed_elements(slots, weights, first)
     real = tuple(np.ascontiguousarray(np.real(part[:, 0])) for part in elements)
     count = slots.count - first
@@ -81,26 +82,32 @@ def _walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int, term
         after = advance(N[k], tuple(part[k] for part in elements))  # type: ignore[arg-type]
         slope[k] = np.imag(after) / STEP
         N[k + 1] = np.real(after[0])
-    value, costate_end = terminal(N[-1])
     costate = np.empty_like(N)
-    costate[-1] = costate_end
+    costate[-1] = criterion.gradient(N[-1])
     for k in range(count - 1, -1, -1):
         costate[k] = retreat(N[k], costate[k + 1], tuple(part[k] for part in real))  # type: ignore[arg-type]
     gradient = np.einsum("kij,kmij->km", costate[1:], slope)
-    return Walk(value, gradient, N, costate)
+    return Walk(criterion.value(N[-1]), gradient, N, costate)
 
 
-def plane_of(slots: Slots, weights: np.ndarray, path: Walk, first: int = 0, upper: np.ndarray | None = None) -> Plane:
+def shares(slots: Slots, first: int = 0) -> IntervalPolytopes:
+    """The policies (N - first, M) that share every slot from edge `first` on between the sensors."""
+    return IntervalPolytopes(np.ones((slots.count - first, slots.sensors)), 1)
+
+
+def plane_of(
+    slots: Slots, weights: np.ndarray, path: Walk, first: int = 0, allowed: FeasibleSet | None = None
+) -> Plane:
     """The plane of a walk: convexity in (N^-1, v) and the least that a pure choice can add in every slot.
 
     Parameters
     ----------
     slots, weights, path, first : of the walk
-    upper : (N - first, M) zeros where a sensor may not be chosen; the plane then holds for the other choices
+    allowed : FeasibleSet of the choices (N - first, M) that the plane holds for; all of them if left out
     """
     count = slots.count
-    open_choices = path.gradient if upper is None else np.where(upper > 0, path.gradient, np.inf)
-    excess = np.sum(weights[first:] * path.gradient, axis=1) - np.min(open_choices, axis=1)
+    cheapest = (allowed or shares(slots, first)).vertex(path.gradient)
+    excess = np.sum(weights[first:] * path.gradient, axis=1) - np.sum(cheapest * path.gradient, axis=1)
     still = np.concatenate([np.cumsum(excess[::-1])[::-1], [0.0]])
     slope = path.ordinary @ path.costate @ path.ordinary
     constant = path.value - still + np.einsum("kij,kij->k", path.costate, path.ordinary)
@@ -111,32 +118,38 @@ def plane_of(slots: Slots, weights: np.ndarray, path: Walk, first: int = 0, uppe
 
 @dataclass
 class ExactSweep:
-    """Size and gradient of shared slots, in the shape that the relaxation's solver expects of a sweep."""
+    """Size and gradient of shared slots from edge `first` on: an Objective for the relaxation's solver.
+
+    Parameters
+    ----------
+    slots : Slots
+    start : (n, n) N at edge `first`
+    first : edge
+    power : of the smoothed size, see `Size.smooth`
+    """
 
     slots: Slots
     start: np.ndarray
     first: int = 0
     power: float = 64.0
-    upper: np.ndarray | None = None
-    recursion: SimpleNamespace = field(init=False)
     forward_count: int = field(default=0, init=False)
     backward_count: int = field(default=0, init=False)
 
-    def __post_init__(self) -> None:
-        count, sensors = self.slots.count - self.first, self.slots.sensors
-        self.recursion = SimpleNamespace(
-            upper=np.ones((count, sensors)) if self.upper is None else self.upper,
-            select=1,
-            states=len(self.start),
-            intervals=count,
-            sensors=sensors,
-        )
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(N - first, M) of the policies."""
+        return self.slots.count - self.first, self.slots.sensors
+
+    @property
+    def states(self) -> int:
+        """n"""
+        return len(self.start)
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
         """The size at the end and its gradient (N - first, M)."""
         full = np.concatenate([np.zeros((self.first, self.slots.sensors)), weights])
-        size, level = self.slots.size, self.slots.level
-        path = _walk(self.slots, full, self.start, self.first, lambda P: size.smooth(P, level, self.power))
+        smoothed = Smoothed(self.slots.size, self.slots.level, self.power)
+        path = _walk(self.slots, full, self.start, self.first, smoothed)
         self.backward_count += 1
         return path.value, path.gradient
 
@@ -145,13 +158,11 @@ class ExactSweep:
         return self.cost_and_gradient(weights)[0]
 
 
-def split_recursion(slots: Slots, terminal: np.ndarray, panels: int = PANELS):
-    """The Recursion of the athans kernel for N: predict with A + BB'X, update with each C_j, every slot in equal parts.
+def split_recursion(slots: Slots, terminal: np.ndarray, panels: int = PANELS) -> tuple[Recursion, int]:
+    """The Recursion of the common kernel for N: predict with A + BB'X, update with each C_j, every slot in equal parts.
 
     Returns the Recursion and the number of parts of a slot.
     """
-    from occontrol.families.athans.discretise import Recursion
-
     parts = max(1, int(np.ceil(panels / slots.count)))
     n, M, flow = slots.start.shape[0], slots.sensors, slots.flow
     share = np.linspace(0, 1, 2 * parts + 1)[:-1]
@@ -178,8 +189,7 @@ def split_recursion(slots: Slots, terminal: np.ndarray, panels: int = PANELS):
         running=np.zeros((0, n, n)),
         running_set=np.zeros(count, dtype=np.int64),
         terminal=terminal,
-        upper=np.ones((count, M)),
-        select=1,
+        available=np.ones((count, M)),
     )
     return recursion, parts
 
@@ -202,28 +212,30 @@ def relaxed_policy(slots: Slots, gap: float = 1e-5, monitor: Monitor | None = No
     ----------
     slots : Slots
     gap : relative target of the relaxation
-    monitor : for interruption and time; its progress is not used
+    monitor : for interruption and time; it is told of no progress
     """
     from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
     from occontrol.scheduling.sweep import Sweep
 
-    watch = Monitor() if monitor is None else Monitor(time_limit=monitor.time_limit, started=monitor.started)
+    watch = (monitor or Monitor()).child(silent=True)
     M = slots.sensors
     v = np.full((slots.count, M), 1.0 / M)
     linear = slots.size.terms[0][0] == "trace" and len(slots.size.terms) == 1
-    N = _walk(slots, v, slots.start, 0, lambda P: slots.size.smooth(P, slots.level, 8)).ordinary
-    recursion, parts = split_recursion(slots, slots.size.smooth(N[-1], slots.level, 8)[1])
+    criterion = Smoothed(slots.size, slots.level, 8)
+    N = _walk(slots, v, slots.start, 0, criterion).ordinary
+    recursion, parts = split_recursion(slots, criterion.gradient(N[-1]))
+    panels = IntervalPolytopes(recursion.available, 1)
     for _ in range(1 if linear else 2):
-        outcome = minimise_relaxed(Sweep(recursion), None, RelaxedOptions(1e-4, 400), watch)
+        outcome = minimise_relaxed(Sweep(recursion), panels, None, RelaxedOptions(1e-4, 400), watch)
         v = np.clip(outcome.weights.reshape(slots.count, parts, M).mean(axis=1), 0.0, 1.0)
         v /= np.sum(v, axis=1, keepdims=True)
-        N = _walk(slots, v, slots.start, 0, lambda P: slots.size.smooth(P, slots.level, 8)).ordinary
-        terminal = slots.size.smooth(N[-1], slots.level, 8)[1]
+        terminal = criterion.gradient(_walk(slots, v, slots.start, 0, criterion).ordinary[-1])
         recursion = replace(recursion, terminal=(terminal + terminal.T) / 2)
     best = _better(slots, v, np.inf, None)
     for power in (16.0, 128.0) if slots.size.has_kink else (np.inf,):
-        sweep: Any = ExactSweep(slots, slots.start, power=power)
-        v = minimise_relaxed(sweep, v, RelaxedOptions(gap, slots.spans.affordable(120)), watch).weights
+        sweep = ExactSweep(slots, slots.start, power=power)
+        options = RelaxedOptions(gap, slots.spans.affordable(120))
+        v = minimise_relaxed(sweep, shares(slots), v, options, watch).weights
         best = _better(slots, v, power, best)
     return best
 

@@ -87,11 +87,9 @@ def solve(problem: Problem, method: Any = None, monitor: Monitor | None = None) 
     Returns a Solution; its status is `infeasible` (with the observability horizon) when no schedule keeps the set of
     possible states bounded for all measurements.
     """
-    watch = Monitor() if monitor is None else monitor
     method = method or problem.method or Optimal()
+    watch = (Monitor() if monitor is None else monitor).child(getattr(method, "time_limit", None))
     began = time.perf_counter()
-    if watch.time_limit is None and getattr(method, "time_limit", None) is not None:
-        watch.time_limit = watch.seconds + method.time_limit
     sequence = None
     if isinstance(method, Fixed):
         sequence, mistakes = method.resolve(problem.sensors.names, problem.slots)

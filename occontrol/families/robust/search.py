@@ -16,12 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.monitor import Monitor
-from occontrol.families.robust.bound import ExactSweep, Plane, plane_of, relaxed_policy, walk
+from occontrol.families.robust.bound import ExactSweep, Plane, plane_of, relaxed_policy, shares, walk
 from occontrol.families.robust.psd_front import front
 from occontrol.families.robust.scattering import advance
 from occontrol.families.robust.slots import Slots, exchange
@@ -255,9 +254,9 @@ def _refine(slots: Slots, layer: _Layer, weights: np.ndarray, edge: int, monitor
     from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 
     start = layer.ordinary[int(np.argmin(layer.bound))]
-    sweep: Any = ExactSweep(slots, start, edge)
-    watch = Monitor(time_limit=monitor.time_limit, started=monitor.started)
-    outcome = minimise_relaxed(sweep, weights[edge:], RelaxedOptions(1e-4, slots.spans.affordable(20)), watch)
+    sweep, watch = ExactSweep(slots, start, edge), monitor.child(silent=True)
+    options = RelaxedOptions(1e-4, slots.spans.affordable(20))
+    outcome = minimise_relaxed(sweep, shares(slots, edge), weights[edge:], options, watch)
     policy = np.concatenate([np.zeros((edge, slots.sensors)), outcome.weights])
     power = sweep.power if slots.size.has_kink else np.inf
     return plane_of(slots, policy, walk(slots, policy, start, edge, power), edge)

@@ -9,13 +9,13 @@ Unknowns: one sensor per slot of the tail, shares (N, M) before it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.monitor import Monitor
 from occontrol.families.robust.bound import ExactSweep, Plane, plane_of, value_of, walk
 from occontrol.families.robust.slots import Slots
+from occontrol.scheduling.feasible_set import IntervalPolytopes
 
 DEEPEST = 8  # slots of a tail
 MOST = 24  # tails
@@ -82,11 +82,11 @@ def _child(slots: Slots, parent: Tail, sensor: int, depth: int, monitor: Monitor
         upper[k] = np.eye(slots.sensors)[choice]
     weights = parent.weights.copy()
     weights[slot] = upper[slot]
-    sweep: Any = ExactSweep(slots, slots.start, upper=upper)
-    watch = Monitor(time_limit=monitor.time_limit, started=monitor.started)
-    weights = minimise_relaxed(sweep, weights, RelaxedOptions(1e-4, slots.spans.affordable(STEPS)), watch).weights
+    sweep, allowed, watch = ExactSweep(slots, slots.start), IntervalPolytopes(upper, 1), monitor.child(silent=True)
+    options = RelaxedOptions(1e-4, slots.spans.affordable(STEPS))
+    weights = minimise_relaxed(sweep, allowed, weights, options, watch).weights
     power = sweep.power if slots.size.has_kink else np.inf
-    plane = plane_of(slots, weights, walk(slots, weights, slots.start, power=power), upper=upper)
+    plane = plane_of(slots, weights, walk(slots, weights, slots.start, power=power), allowed=allowed)
     # the parent's planes hold for every longer tail
     bound = max(parent.bound, value_of(plane, 0, slots.start))
     return Tail(choices, weights, (*parent.planes, plane)[-3:], bound)

@@ -57,7 +57,8 @@ def random_problem(
 
 def random_policy(problem: SchedulingProblem, rng: np.random.Generator, integral: bool = False) -> np.ndarray:
     """A feasible policy (N, M)."""
-    from occontrol.scheduling.polytope import project, vertex
+    from occontrol.families.athans.discretise import feasible_set
 
-    draw = rng.random(problem.upper.shape)
-    return vertex(draw, problem.upper, problem.select) if integral else project(draw, problem.upper, problem.select)
+    allowed = feasible_set(problem)
+    draw = rng.random(allowed.shape)
+    return allowed.vertex(draw) if integral else allowed.project(draw)

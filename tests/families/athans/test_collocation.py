@@ -20,7 +20,7 @@ from occontrol.families.athans.collocation.mesh import coarse_breaks, simulate_m
 from occontrol.families.athans.collocation.simulation import Data, simulate_interval
 from occontrol.families.athans.collocation.solve import feasible_policy, solve_collocation, uniform_policy
 from occontrol.families.athans.continuous.reintegration import reintegrate
-from occontrol.families.athans.discretise import discretise, half_predicts
+from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
 from occontrol.families.athans.methods import Collocation
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.files.problem_file import read_problem
@@ -284,7 +284,7 @@ def test_two_orbits_of_the_tracking_network_agree_with_the_relaxation():
     assert found.status is Status.FEASIBLE, found.message
     assert found.elements <= 2 * problem.intervals
     sweep = Sweep(discretise(problem, half_predicts(problem)))
-    relaxed = minimise_relaxed(sweep, None, RelaxedOptions(1e-6, 5000), Monitor()).weights
+    relaxed = minimise_relaxed(sweep, feasible_set(problem), None, RelaxedOptions(1e-6, 5000), Monitor()).weights
     again = check(problem, found)
     best = reintegrate(problem, Schedule(problem.edges, relaxed, tuple(problem.sensors.names)))
     uniform = reintegrate(problem, Schedule(problem.edges, uniform_policy(problem), tuple(problem.sensors.names)))

@@ -37,7 +37,7 @@ def random_problem(states: int, sensors: int, intervals: int, outputs: int = 1) 
 def even_solution(problem: oc.SchedulingProblem) -> Solution:
     """The available sensors in equal shares: quick at any size, and fractional."""
     from occontrol.families.athans.discretise import discretise, half_predicts
-    from occontrol.scheduling.sweep import node_path
+    from occontrol.families.athans.node_path import node_path
 
     weights = np.minimum(problem.upper, 1) / np.sum(problem.upper, axis=1, keepdims=True)
     path = node_path(discretise(problem), half_predicts(problem), weights)

@@ -15,7 +15,7 @@ from occontrol.families.athans.filter.online import make_plan
 from occontrol.families.athans.filter.predictor import make_predictor
 from occontrol.families.athans.filter.sampled_model import exact_model, split_model
 from occontrol.families.athans.filter.simulate import draw, simulate
-from occontrol.scheduling.sweep import node_path
+from occontrol.families.athans.node_path import node_path
 from tests.families.athans.scheduling_cases import cycling, moving
 
 

@@ -10,15 +10,13 @@ from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.solution import Status
 from occontrol.families.athans.certificate import Claims, false_claims
-from occontrol.families.athans.discretise import discretise
+from occontrol.families.athans.discretise import discretise, feasible_set
 from occontrol.families.athans.family import METHODS, solve
 from occontrol.families.athans.methods import HMinimal, Relaxed, RelaxRoundPolish
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling import baselines
 from occontrol.scheduling.hminimal import h_minimal, polish
-from occontrol.scheduling.polytope import vertex
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
-from occontrol.scheduling.rounding import sum_up_rounding
 from occontrol.scheduling.shaking import shake
 from occontrol.scheduling.sweep import Sweep
 from tests.families.athans.random_problems import random_policy, random_problem
@@ -48,7 +46,7 @@ def test_bound_below_and_schedule_near_the_brute_force_optimum(seed):
         problem = random_problem(seed, intervals=4)
     best = brute_force(problem)
     sweep = Sweep(discretise(problem))
-    relaxed = minimise_relaxed(sweep)
+    relaxed = minimise_relaxed(sweep, feasible_set(problem))
     slack = 1e-9 * abs(best)
     assert relaxed.lower_bound <= best + slack
     assert relaxed.status is Status.CERTIFIED
@@ -56,10 +54,10 @@ def test_bound_below_and_schedule_near_the_brute_force_optimum(seed):
     for _ in range(3):
         v = random_policy(problem, rng)
         J, g = sweep.cost_and_gradient(v)
-        w = vertex(np.where(problem.upper > 0, g, 0), problem.upper, 1)
+        w = feasible_set(problem).vertex(g)
         assert J - np.vdot(np.where(problem.upper > 0, g, 0), v - w) <= best + slack
-    rounded = sum_up_rounding(relaxed.weights, problem.steps, problem.upper, 1)
-    polished = polish(sweep, rounded)
+    rounded = feasible_set(problem).round(relaxed.weights)
+    polished = polish(sweep, feasible_set(problem), rounded)
     assert best - slack <= polished.cost <= sweep.cost(rounded) + slack
     np.testing.assert_allclose(polished.weights.sum(axis=1), 1)
     assert np.all(polished.weights <= problem.upper)
@@ -71,8 +69,8 @@ def test_longer_brute_force_instances_are_nearly_always_solved():
         problem = random_problem(1000 + seed, states=2, sensors=3, intervals=8)
         best = brute_force(problem)
         sweep = Sweep(discretise(problem))
-        relaxed = minimise_relaxed(sweep)
-        polished = polish(sweep, sum_up_rounding(relaxed.weights, problem.steps, problem.upper, 1))
+        relaxed = minimise_relaxed(sweep, feasible_set(problem))
+        polished = polish(sweep, feasible_set(problem), feasible_set(problem).round(relaxed.weights))
         assert relaxed.lower_bound <= best * (1 + 1e-9)
         reached += polished.cost <= best * (1 + 1e-9)
     assert reached >= 9
@@ -85,8 +83,8 @@ def test_relaxed_gap_is_what_it_claims(select, running):
         5, states=4, sensors=5, intervals=60, select=select, idle=True, running=running, windows=True
     )
     sweep = Sweep(discretise(problem))
-    tight = minimise_relaxed(sweep, options=RelaxedOptions(1e-7))
-    loose = minimise_relaxed(sweep, options=RelaxedOptions(1e-3))
+    tight = minimise_relaxed(sweep, feasible_set(problem), options=RelaxedOptions(1e-7))
+    loose = minimise_relaxed(sweep, feasible_set(problem), options=RelaxedOptions(1e-3))
     assert tight.status is loose.status is Status.CERTIFIED
     assert loose.lower_bound <= tight.cost * (1 + 1e-12)
     assert tight.lower_bound <= loose.cost
@@ -97,12 +95,12 @@ def test_relaxed_gap_is_what_it_claims(select, running):
 def test_limit_and_interruption_return_a_valid_bound():
     problem = random_problem(5, states=4, sensors=5, intervals=60)
     sweep = Sweep(discretise(problem))
-    best = minimise_relaxed(sweep, options=RelaxedOptions(1e-7))
-    short = minimise_relaxed(sweep, options=RelaxedOptions(1e-7, max_iterations=3))
+    best = minimise_relaxed(sweep, feasible_set(problem), options=RelaxedOptions(1e-7))
+    short = minimise_relaxed(sweep, feasible_set(problem), options=RelaxedOptions(1e-7, max_iterations=3))
     assert short.status is Status.LIMIT and short.lower_bound <= best.cost <= short.cost
     monitor = Monitor()
     monitor.show = lambda record: setattr(monitor, "interrupted", 2) if record["iteration"] == 2 else None
-    stopped = minimise_relaxed(sweep, options=RelaxedOptions(1e-7), monitor=monitor)
+    stopped = minimise_relaxed(sweep, feasible_set(problem), options=RelaxedOptions(1e-7), monitor=monitor)
     assert stopped.status is Status.INTERRUPTED and stopped.lower_bound <= best.cost
 
 
@@ -116,12 +114,13 @@ def cycling_problem():
 def test_the_plain_method_cycles_where_the_partial_step_converges():
     problem = cycling_problem()
     sweep = Sweep(discretise(problem))
-    start = baselines.best_single(sweep)
-    plain = h_minimal(sweep, start, full_step=True)
-    partial = h_minimal(sweep, start)
+    allowed = feasible_set(problem)
+    start = baselines.best_single(sweep, allowed)
+    plain = h_minimal(sweep, allowed, start, full_step=True)
+    partial = h_minimal(sweep, allowed, start)
     assert plain.end == "cycle"
     assert partial.end in ("no-descent", "stationary")
-    relaxed = minimise_relaxed(sweep)
+    relaxed = minimise_relaxed(sweep, feasible_set(problem))
     assert partial.cost < sweep.cost(start)
     assert partial.cost < plain.cost
     assert partial.cost <= relaxed.lower_bound * 1.02
@@ -166,17 +165,17 @@ def test_schedule_beats_or_equals_every_baseline():
 @pytest.mark.parametrize("seed", range(3))
 def test_shaking_only_improves_and_keeps_to_the_windows(seed):
     problem = random_problem(seed, states=4, sensors=4, intervals=60, select=2, windows=True)
-    sweep = Sweep(discretise(problem))
+    sweep, allowed = Sweep(discretise(problem)), feasible_set(problem)
     # from nothing better than turns, so that there is something to find
-    start = polish(sweep, baselines.round_robin(sweep.recursion), 0)
-    found, again = (shake(sweep, start, -np.inf, 400) for _ in range(2))
+    start = polish(sweep, allowed, baselines.round_robin(sweep.recursion, allowed), 0)
+    found, again = (shake(sweep, allowed, start, -np.inf, 400) for _ in range(2))
     assert found.cost < start.cost
     assert found.cost == pytest.approx(sweep.cost(found.weights), rel=1e-13)
     np.testing.assert_array_equal(found.weights, again.weights)
     np.testing.assert_array_equal(found.weights, np.round(found.weights))
     np.testing.assert_array_equal(found.weights.sum(axis=1), 2)
     assert np.all(found.weights <= problem.upper)
-    assert shake(sweep, start, start.cost, 400) is start  # good enough already
+    assert shake(sweep, allowed, start, start.cost, 400) is start  # good enough already
 
 
 def test_gap_of_the_schedule_shrinks_with_the_intervals():
@@ -193,12 +192,12 @@ def test_gap_of_the_schedule_shrinks_with_the_intervals():
 
 
 @pytest.mark.parametrize("policy", [
-    lambda s: baselines.best_single(s), lambda s: baselines.round_robin(s.recursion, 3),
-    lambda s: baselines.random_policy(s.recursion, 4), lambda s: baselines.greedy(s.recursion),
+    lambda s, V: baselines.best_single(s, V), lambda s, V: baselines.round_robin(s.recursion, V, 3),
+    lambda s, V: baselines.random_policy(V, 4), lambda s, V: baselines.greedy(s.recursion, V),
 ])  # fmt: skip
 def test_baselines_respect_windows_and_select(policy):
     problem = random_problem(3, states=3, sensors=4, intervals=30, select=2, idle=True, windows=True)
-    v = policy(Sweep(discretise(problem)))
+    v = policy(Sweep(discretise(problem)), feasible_set(problem))
     np.testing.assert_array_equal(v.sum(axis=1), 2)
     assert np.all(v <= problem.upper)
 

@@ -75,9 +75,8 @@ def solve_collocation(
     Raises SolveFailed when there is no usable iterate, or for an unknown scheme.
     Athans (1971), (4.1)-(4.4), with 0 <= v <= 1.
     """
-    options, monitor = options or Collocation(), monitor or Monitor()
-    if monitor.time_limit is None and options.time_limit is not None:
-        monitor.time_limit = monitor.seconds + options.time_limit
+    options = options or Collocation()
+    monitor = (monitor or Monitor()).child(options.time_limit)
     try:
         table = butcher_table(options.scheme, options.stages)
     except ValueError as error:

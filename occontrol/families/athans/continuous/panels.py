@@ -109,7 +109,8 @@ class PolicyData:
         inner = [s.breakpoints for s in self.problem.signals.values()]
         inner += [np.ravel(np.asarray(s.windows)) for s in self.problem.sensors if s.windows]
         # what a formula does between the nodes would be missed: Gauss points are few
-        inner += [self.origin + features(s, self.origin, float(end)) for s in self.problem.signals.values() if s.shape[0]]
+        signals = [s for s in self.problem.signals.values() if s.shape[0]]
+        inner += [self.origin + features(s, self.origin, float(end)) for s in signals]
         candidates = np.unique(np.concatenate([*inner, np.empty(0)]))
         _, same = nearest_edge(candidates, self.origin + self.edges)
         candidates = candidates[~same] - self.origin

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from occontrol.families.athans.node_path import Path
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.sweep import Path
 
 USED = 1e-9
 MAX_BYTES = 400_000_000

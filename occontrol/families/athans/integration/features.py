@@ -72,24 +72,15 @@ def features(signal: Signal, origin: float, end: float) -> np.ndarray:
     return times[np.append(short, False) | np.insert(short, 0, False)]
 
 
-def varying(signal: Signal, origin: float, edges: np.ndarray) -> np.ndarray:
-    """(K,) whether a signal leaves the straight line between the ends of a span by more than 2 BEND of its largest value.
+def varies_between(times: np.ndarray, values: np.ndarray, at_edges: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(K,) whether a signal leaves the line between the ends of a span by more than 2 BEND of its largest value.
 
     Parameters
     ----------
-    signal : Signal
-    origin : start of the horizon
-    edges : (K+1,) ends of the spans since then, over the whole horizon
+    times, values : (L,) and (L, r, c) from `samples`
+    at_edges : (K+1, r, c) its values at the ends of the spans
+    edges : (K+1,) the ends, since the origin
     """
-    found = np.zeros(len(edges) - 1, dtype=bool)
-    if signal.constant:
-        return found
-    times, values = samples(signal, origin, float(edges[-1]))
-    return varies_between(times, values, signal.sample(origin + edges), edges)
-
-
-def varies_between(times: np.ndarray, values: np.ndarray, at_edges: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """As `varying`, from the samples: times (L,), values (L, r, c), at_edges (K+1, r, c), edges (K+1,)."""
     found = np.zeros(len(edges) - 1, dtype=bool)
     scale = np.max(np.abs(values), axis=0)
     span = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(found) - 1)

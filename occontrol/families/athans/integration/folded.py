@@ -12,9 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from occontrol.families.athans.discretise import HalfPredicts, Recursion, recursion_on
+from occontrol.families.athans.discretise import HalfPredicts, recursion_on
 from occontrol.families.athans.integration.mesh import Mesh
 from occontrol.families.athans.integration.spans import Spans
+from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.sweep import Sweep
 
 
@@ -35,6 +36,11 @@ class Folded:
         self.fine: Recursion = recursion_on(spans.problem, self.halves, middle, steps, mesh.owner)
         self.sweep = Sweep(self.fine)
         self.first = np.searchsorted(mesh.owner, np.arange(mesh.interval[-1] + 1))
+
+    @property
+    def keeps_all(self) -> bool:
+        """Whether the covariances of all steps fit in memory, as the estimate of their errors needs them."""
+        return self.sweep.foresees_exchanges
 
     def cost(self, weights: np.ndarray) -> float:
         """J of a policy (N, M)."""

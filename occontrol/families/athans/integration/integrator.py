@@ -12,16 +12,21 @@ from functools import cached_property
 
 import numpy as np
 
-from occontrol.families.athans.discretise import HalfPredicts, Recursion, discretise, half_predicts, scaled_rows
+from occontrol.core.solution import ALLOWANCE, Certificate
+from occontrol.families.athans.discretise import HalfPredicts, discretise, half_predicts, scaled_rows
 from occontrol.families.athans.integration.folded import Extrapolated, Folded
 from occontrol.families.athans.integration.local_error import step_errors
 from occontrol.families.athans.integration.mesh import MOST_IN_INTERVAL, Mesh, first_mesh
 from occontrol.families.athans.integration.spans import Spans
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.scheduling.bounds import at_least_zero
+from occontrol.scheduling.feasible_set import FeasibleSet
+from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.sweep import Sweep
 
 PASSES = 4
 ATTEMPTS = 3
+MESHES = 5.0  # errors of integration by which the costs on two meshes may differ
 # the extrapolated error goes with the square of what is extrapolated away: 1e-3 of J leaves some 1e-6 (accuracy.md)
 ROOT_SHARE = 0.3
 
@@ -46,6 +51,20 @@ class Evaluation:
     error: float
     steps: int
     on: Folded | Extrapolated | None
+
+    def certificate(self, allowed: FeasibleSet, known_bound: float = -np.inf) -> Certificate:
+        """Cost of the policy and the better of its own lower bound and one known already.
+
+        Parameters
+        ----------
+        allowed : the set that the bound holds for
+        known_bound : a proven lower bound of the same problem, if any
+        """
+        error = self.error if isinstance(self.on, Extrapolated) else 0.0
+        own = allowed.bound(self.cost, self.weights, self.gradient) - error
+        # bounds and costs come from different meshes: that far a bound may lie above a cost
+        allowance = max(ALLOWANCE, MESHES * error / abs(self.cost)) if self.cost else ALLOWANCE
+        return Certificate(self.cost, at_least_zero(max(own, known_bound), self.cost), allowance)
 
 
 class Integrator:
@@ -112,7 +131,9 @@ class Integrator:
             self._meshes[mesh.key] = Extrapolated(self.spans, mesh, self.recursion)
         return self._meshes[mesh.key]
 
-    def refined(self, weights: np.ndarray, mesh: Mesh, share: float = ROOT_SHARE) -> tuple[Extrapolated, float, np.ndarray]:
+    def refined(
+        self, weights: np.ndarray, mesh: Mesh, share: float = ROOT_SHARE
+    ) -> tuple[Extrapolated, float, np.ndarray]:
         """The mesh divided until what is extrapolated away is small, and J and dJ/dv (N, M) of the policy on it.
 
         Parameters
@@ -124,7 +145,7 @@ class Integrator:
         for attempt in range(PASSES):
             on = self.extrapolated(mesh)
             J, g = on.cost_and_gradient(weights)
-            if attempt == PASSES - 1 or not on.whole.sweep.keeps_all or not np.isfinite(J):
+            if attempt == PASSES - 1 or not on.whole.keeps_all or not np.isfinite(J):
                 break
             errors = 4 / 3 * step_errors(on.whole, on.half, weights)
             allowed = share * np.sqrt(self.accuracy) * abs(J)
@@ -145,7 +166,7 @@ class Integrator:
         on : that computed its gradient at the policy last
         weights : (N, M)
         """
-        if not on.whole.sweep.keeps_all:
+        if not on.whole.keeps_all:
             return np.zeros(self.problem.intervals, dtype=bool)
         errors = on.whole.gathered(np.abs(4 / 3 * step_errors(on.whole, on.half, weights)))
         allowed = ROOT_SHARE * np.sqrt(self.accuracy) * abs(on.cost(weights))

@@ -9,7 +9,7 @@ import numpy as np
 from occontrol.families.athans.integration.folded import Extrapolated, Folded
 from occontrol.families.athans.integration.integrator import Evaluation, Integrator
 from occontrol.families.athans.integration.local_error import node_matrices
-from occontrol.scheduling.sweep import Path, node_path
+from occontrol.families.athans.node_path import Path, node_path
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,16 +9,21 @@ excess exceeds TOP of the cost, the worst intervals are cut at steps of the mesh
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.families.athans.discretise import feasible_set
+from occontrol.families.athans.found import BESIDE
 from occontrol.families.athans.integration.folded import Extrapolated
 from occontrol.families.athans.integration.integrator import Integrator
-from occontrol.families.athans.integration.relaxed import Relaxed, interval_loss, relax
+from occontrol.families.athans.integration.priced import PricedSweep
+from occontrol.families.athans.integration.relaxed import interval_loss, relax
+from occontrol.families.athans.methods import Collocation
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.polytope import excess
 from occontrol.scheduling.relaxation import RelaxedOptions
+from occontrol.scheduling.sweep import Sweep
 
 TOP = 0.01  # of the cost: the gap at the top above which edges are added
 WANTED = 0.001  # of the cost: the gap at the top that is then aimed at
@@ -28,9 +33,26 @@ MOST = 120  # edges, beside a quarter of the intervals
 WHY = "one choice would spoil this interval"
 
 
+def search_space(problem: SchedulingProblem, method: Any, monitor: Monitor) -> tuple[Integrator, Sweep]:
+    """What a method searches on: the problem's edges with those that were added, and the sweep with the relaxation.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    method : of the family
+    monitor : Monitor
+    """
+    if isinstance(method, Collocation):  # it relaxes for itself
+        integrator = Integrator(problem, method.relative_gap)
+        return integrator, integrator.sweep
+    monitor.stage = "relaxation"
+    limits = RelaxedOptions(method.relative_gap, getattr(method, "max_iterations", BESIDE))
+    return relax_and_refine(problem, limits, monitor)
+
+
 def relax_and_refine(
     problem: SchedulingProblem, limits: RelaxedOptions, monitor: Monitor, refine: bool = True
-) -> tuple[SchedulingProblem, Integrator, Relaxed]:
+) -> tuple[Integrator, PricedSweep]:
     """The relaxation of a problem, on further edges where the file lets them be added and they are needed.
 
     Parameters
@@ -40,7 +62,7 @@ def relax_and_refine(
     monitor : Monitor
     refine : False adds no edge whatever the problem says
 
-    Returns the problem with its edges, its Integrator and the relaxation.
+    Returns the Integrator of the problem with its edges, and the relaxation as a PricedSweep.
     """
     integrator = Integrator(problem, limits.relative_gap)
     found = relax(integrator, limits, monitor)
@@ -59,11 +81,11 @@ def relax_and_refine(
         found = relax(integrator, rough, monitor, found.outcome.weights[parent])
     if top < TOP:
         found = relax(integrator, limits, monitor, found.outcome.weights)
-    return problem, integrator, found
+    return integrator, found
 
 
 def _cuts(
-    problem: SchedulingProblem, integrator: Integrator, found: Relaxed, room: int, top: float
+    problem: SchedulingProblem, integrator: Integrator, found: PricedSweep, room: int, top: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Times (K,) at which intervals are to be cut, and the interval (N+K,) that each new one comes from."""
     v, cost = found.outcome.weights, abs(found.outcome.cost)
@@ -72,9 +94,9 @@ def _cuts(
         on = integrator.extrapolated(integrator.first)
     if not isinstance(on, Extrapolated):
         return np.empty(0), np.empty(0)
-    _, g = on.cost_and_gradient(v)
-    loss = interval_loss(on, problem.upper, problem.select)
-    own = float(np.sum(excess(v, g, problem.upper, problem.select)))
+    J, g = on.cost_and_gradient(v)
+    allowed = feasible_set(problem)
+    loss, own = interval_loss(on, allowed), J - allowed.bound(J, v, g)
     # an interval that is full of steps and still inaccurate is spoilt as well, once edges are added at all
     coarse = integrator.unresolved(on, v)
     if not np.sum(loss) + own > top * cost and not (top < TOP and np.any(coarse)):

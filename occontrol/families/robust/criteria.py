@@ -1,0 +1,65 @@
+"""Ellipsoid sizes as criteria of the convex engine: from above, smoothed, and from below, supporting."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from occontrol.families.robust.ellipsoid_size import Size
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A size with its kink smoothed, never below the size: what the relaxation minimises.
+
+    Parameters
+    ----------
+    size : Size
+    level : d
+    power : of the mean that stands for the largest eigenvalue, see `Size.smooth`
+    """
+
+    size: Size
+    level: float
+    power: float
+
+    def value(self, covariance: np.ndarray) -> float:
+        """The smoothed size at P (n, n)."""
+        return self.size.smooth(covariance, self.level, self.power)[0]
+
+    def gradient(self, covariance: np.ndarray) -> np.ndarray:
+        """Its gradient (n, n) at P (n, n)."""
+        return self.size.smooth(covariance, self.level, self.power)[1]
+
+    def smoothing_error(self, covariance: np.ndarray) -> float:
+        """By how much it exceeds the size at P (n, n)."""
+        return self.value(covariance) - float(self.size.value(covariance, self.level))
+
+
+@dataclass(frozen=True)
+class Supported:
+    """A convex function that touches a size at the shape where it is asked for and nowhere exceeds it: for planes.
+
+    Parameters
+    ----------
+    size : Size
+    level : d
+    power : infinite for the longest axis alone, see `Size.support`
+    """
+
+    size: Size
+    level: float
+    power: float = np.inf
+
+    def value(self, covariance: np.ndarray) -> float:
+        """The supporting function of P (n, n), at P."""
+        return self.size.support(covariance, self.level, self.power)[0]
+
+    def gradient(self, covariance: np.ndarray) -> np.ndarray:
+        """Its gradient (n, n) at P (n, n)."""
+        return self.size.support(covariance, self.level, self.power)[1]
+
+    def smoothing_error(self, covariance: np.ndarray) -> float:
+        """0: it never exceeds the size."""
+        return 0.0

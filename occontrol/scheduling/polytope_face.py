@@ -1,0 +1,85 @@
+"""The face that a policy lies on, as compiled loops behind scheduling/feasible_set.py."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reassoc"}, "error_model": "numpy"}
+
+
+@njit(**_OPTIONS)
+def _face(v, g, upper, near, free, count, move):
+    """Free weights: between their bounds, or at a bound that the reduced gradient pushes them away from.
+
+    move : what nearly stands at a bound and is pushed there goes all the way, instead of dragging the direction along
+    """
+    N, M = v.shape
+    for k in range(N):
+        # the multiplier is the gradient at the weight farthest from its bounds; at a vertex it lies between the largest
+        # gradient of the used and the smallest of the unused weights
+        anchor, room = -1, near
+        used, unused = -np.inf, np.inf
+        for j in range(M):
+            if upper[k, j] > 0.0:
+                x = min(v[k, j], upper[k, j] - v[k, j])
+                if x > room:
+                    anchor, room = j, x
+                if v[k, j] > near:
+                    used = max(used, g[k, j])
+                else:
+                    unused = min(unused, g[k, j])
+        number, excess = 0, 0.0
+        for j in range(M):
+            inside = upper[k, j] > 0.0
+            x = 0.0
+            if inside and v[k, j] <= near and j != anchor:
+                inside = g[k, j] < (g[k, anchor] if anchor >= 0 else used)
+                x = 0.0 if inside else -v[k, j]
+            elif inside and v[k, j] >= upper[k, j] - near and j != anchor:
+                inside = g[k, j] > (g[k, anchor] if anchor >= 0 else unused)
+                x = 0.0 if inside else upper[k, j] - v[k, j]
+            free[k, j] = inside
+            number += inside
+            move[k, j] = x
+            excess += x
+        count[k] = number
+        if anchor >= 0:
+            move[k, anchor] -= excess  # by the sign of g_j - g_anchor a descent; left to the projection it may not be
+
+
+@njit(**_OPTIONS)
+def _list_face(free, count, listed, ends):
+    """The free weights of intervals with two or more of them, interval by interval; their number and the intervals'."""
+    N, M = free.shape
+    size = rows = 0
+    for k in range(N):
+        if count[k] > 1:
+            for j in range(M):
+                if free[k, j]:
+                    listed[size] = k * M + j
+                    size += 1
+            ends[rows] = size
+            rows += 1
+    return size, rows
+
+
+def face(
+    weights: np.ndarray, gradient: np.ndarray, upper: np.ndarray, near: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The free weights interval by interval, where each interval's list ends, and what goes straight to its bound.
+
+    Parameters
+    ----------
+    weights, gradient, upper : (N, M)
+    near : distance at which a weight counts as standing at its bound
+
+    Returns listed (F,) flat indices, ends (G,), move (N, M); intervals with fewer than two free weights list none.
+    """
+    N, M = weights.shape
+    free, count = np.empty((N, M), dtype=np.bool_), np.empty(N, dtype=np.int64)
+    listed, ends = np.empty(N * M, dtype=np.int64), np.empty(N, dtype=np.int64)
+    move = np.empty((N, M))
+    _face(weights, gradient, upper, near, free, count, move)
+    size, rows = _list_face(free, count, listed, ends)
+    return listed[:size], ends[:rows], move
