@@ -1,6 +1,6 @@
 """The error of every step of integration, weighted by what it does to the cost.
 
-    e = tr(P D) + the same difference of the running charge and of the prices,   D = two halves - one step, from the same S
+    e = tr(P D) + the same difference of the running charge and of the prices,   D = two halves - one step from one S
 
 with the costate P after the step. The scheme is of second order, so the sum of e times 4/3 is the error of J.
 """

@@ -8,6 +8,7 @@ excess exceeds TOP of the cost, the worst intervals are cut at steps of the mesh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,6 +29,7 @@ from occontrol.scheduling.sweep import Sweep
 TOP = 0.01  # of the cost: the gap at the top above which edges are added
 WANTED = 0.001  # of the cost: the gap at the top that is then aimed at
 PARTS = 4
+SHARED = 0.01  # of a sensor: weights that are no rounding of a schedule
 ROUNDS = 8
 MOST = 120  # edges, beside a quarter of the intervals
 WHY = "one choice would spoil this interval"
@@ -79,7 +81,13 @@ def relax_and_refine(
         # the gap itself is needed once the edges are known
         rough = replace(limits, relative_gap=max(WANTED, limits.relative_gap))
         found = relax(integrator, rough, monitor, found.outcome.weights[parent])
-    if top < TOP:
+    if top < TOP and room > 0 and not monitor.stop:
+        extra, parent = _shared(problem, integrator, found, room)
+        if len(extra):
+            problem = problem.with_edges([(float(t), WHY) for t in extra])
+            integrator = Integrator(problem, limits.relative_gap)
+            found = relax(integrator, limits, monitor, found.outcome.weights[parent])
+    elif top < TOP:
         found = relax(integrator, limits, monitor, found.outcome.weights)
     return integrator, found
 
@@ -105,13 +113,33 @@ def _cuts(
     below = np.sum(loss) - np.cumsum(loss[order]) <= 0.5 * WANTED * cost
     count = int(np.argmax(below)) + 1 if np.any(below) else len(order)
     order = np.concatenate([order[:count], np.setdiff1d(np.flatnonzero(coarse), order[:count])])
+    return _cut_at_steps(problem, integrator, on, [i for i in order if loss[i] > 0 or coarse[i]], room)
+
+
+def _shared(
+    problem: SchedulingProblem, integrator: Integrator, found: PricedSweep, room: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `_cuts`, where sensors share an interval: a schedule that has to follow can only switch at edges."""
+    v, on = found.outcome.weights, found.on
+    if not isinstance(on, Extrapolated):
+        return np.empty(0), np.empty(0)
+    share = np.max(np.abs(v - np.round(v)), axis=1)
+    dear = share * np.max(np.abs(found.outcome.gradient), axis=1)
+    order = [i for i in np.argsort(-dear, kind="stable") if share[i] > SHARED]
+    return _cut_at_steps(problem, integrator, on, order, room)
+
+
+def _cut_at_steps(
+    problem: SchedulingProblem, integrator: Integrator, on: Extrapolated, order: Sequence[int], room: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """At most `room` times at which the intervals of `order` are cut, and the interval each new one comes from."""
     mesh = on.half.mesh
     starts, owner = integrator.spans.origin + mesh.starts, mesh.owner
     times: list[float] = []
     for i in order:
         inner = starts[owner == i][1:]
         parts = min(PARTS, len(inner) + 1, room - len(times) + 1)
-        if parts < 2 or not (loss[i] > 0 or coarse[i]):
+        if parts < 2:
             continue
         at = np.unique(np.round(np.arange(1, parts) * (len(inner) + 1) / parts).astype(int)) - 1
         times += [float(t) for t in inner[np.clip(at, 0, len(inner) - 1)]]
