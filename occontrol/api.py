@@ -103,7 +103,8 @@ def solve(problem: Any, method: Any = None, monitor: Monitor | None = None) -> S
     if isinstance(method, str):
         method = choose_method(problem, method)
     solution = family_module(problem.family).solve(problem, method, monitor)
-    return dataclasses.replace(solution, problem=problem)
+    # a family may have added edges to the problem
+    return solution if solution.problem is not None else dataclasses.replace(solution, problem=problem)
 
 
 def certify(problem: Any, schedule: Schedule, claims: Claims | None = None) -> Solution:

@@ -35,7 +35,8 @@ def scalar_variance(pieces: list[tuple[float, float, float]], start: float, nois
     """Variance after pieces (from, to, information rate) of dP/dt = noise - rate P^2."""
     P = start
     for a, b, rate in pieces:
-        P = solve_ivp(lambda t, p, rate=rate: noise - rate * p * p, (a, b), [P], "LSODA", rtol=1e-11, atol=1e-14).y[0, -1]
+        limits = {"rtol": 1e-11, "atol": 1e-14}
+        P = solve_ivp(lambda t, p, rate=rate: noise - rate * p * p, (a, b), [P], "LSODA", **limits).y[0, -1]
     return float(P)
 
 
