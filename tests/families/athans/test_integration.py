@@ -45,14 +45,14 @@ def flow_cost(problem: SchedulingProblem, weights: np.ndarray) -> float:
 def test_the_local_errors_are_the_error(seed: int, kind: dict) -> None:
     problem = accurate(seed, **kind)
     integrator, v = Integrator(problem), random_policy(problem, np.random.default_rng(seed))
-    fine = Mesh.coarsest(problem, 1).halved().halved()
+    fine = Mesh.coarsest(problem, 1).halved().halved().halved()
     on = integrator.extrapolated(fine)
     J, _ = on.cost_and_gradient(v)
     error = on.whole.cost(v) - flow_cost(problem, v)
     estimate = 4 / 3 * float(np.sum(step_errors(on.whole, on.half, v)))
     # e is two halves minus one step: the error with the other sign
     assert -estimate == pytest.approx(error, rel=0.1)
-    assert abs(J - flow_cost(problem, v)) < 0.05 * abs(error)
+    assert abs(J - flow_cost(problem, v)) < 0.12 * abs(error)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -60,6 +60,7 @@ def test_the_gradient_on_the_decisions_is_that_of_the_cost(seed: int) -> None:
     problem = accurate(seed, running=seed % 2 == 0, varying=seed > 1)
     rng = np.random.default_rng(seed)
     v, w = random_policy(problem, rng), random_policy(problem, rng)
+    v = (v + w) / 2  # with room to both sides
     integrator = Integrator(problem)
     on, J, g = integrator.refined(v, integrator.first)
     step = 1e-5

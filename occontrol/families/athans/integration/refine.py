@@ -29,7 +29,7 @@ from occontrol.scheduling.sweep import Sweep
 TOP = 0.01  # of the cost: the gap at the top above which edges are added
 WANTED = 0.001  # of the cost: the gap at the top that is then aimed at
 PARTS = 4
-SHARED = 0.01  # of a sensor: weights that are no rounding of a schedule
+SMALLEST = 1e-6  # share of an interval that is worth an edge
 ROUNDS = 8
 MOST = 120  # edges, beside a quarter of the intervals
 WHY = "one choice would spoil this interval"
@@ -82,11 +82,11 @@ def relax_and_refine(
         rough = replace(limits, relative_gap=max(WANTED, limits.relative_gap))
         found = relax(integrator, rough, monitor, found.outcome.weights[parent])
     if top < TOP and room > 0 and not monitor.stop:
-        extra, parent = _shared(problem, integrator, found, room)
+        extra, start = _shared(problem, found, room)
         if len(extra):
             problem = problem.with_edges([(float(t), WHY) for t in extra])
             integrator = Integrator(problem, limits.relative_gap)
-            found = relax(integrator, limits, monitor, found.outcome.weights[parent])
+        found = relax(integrator, limits, monitor, start)
     elif top < TOP:
         found = relax(integrator, limits, monitor, found.outcome.weights)
     return integrator, found
@@ -116,17 +116,27 @@ def _cuts(
     return _cut_at_steps(problem, integrator, on, [i for i in order if loss[i] > 0 or coarse[i]], room)
 
 
-def _shared(
-    problem: SchedulingProblem, integrator: Integrator, found: PricedSweep, room: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """As `_cuts`, where sensors share an interval: a schedule that has to follow can only switch at edges."""
-    v, on = found.outcome.weights, found.on
-    if not isinstance(on, Extrapolated):
-        return np.empty(0), np.empty(0)
-    share = np.max(np.abs(v - np.round(v)), axis=1)
+def _shared(problem: SchedulingProblem, found: PricedSweep, room: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times that part shared intervals between their sensors, and the policy (N+K, M) that does so.
+
+    A schedule can only switch at edges, and a share of 1e-3 of an interval cannot be rounded: so the interval gives it
+    a piece of its own at its end.
+    """
+    v = found.outcome.weights
+    whole = np.round(v)
+    share = np.max(np.abs(v - whole), axis=1)
     dear = share * np.max(np.abs(found.outcome.gradient), axis=1)
-    order = [i for i in np.argsort(-dear, kind="stable") if share[i] > SHARED]
-    return _cut_at_steps(problem, integrator, on, order, room)
+    same = np.sum(whole, axis=1) == np.round(np.sum(v, axis=1))
+    order = [i for i in np.argsort(-dear, kind="stable") if SMALLEST < share[i] < 1 - SMALLEST and same[i]][:room]
+    pieces, times = [], []
+    for i in range(len(v)):
+        if i not in order:
+            pieces.append(v[i])
+            continue
+        times.append(float(problem.edges[i + 1] - share[i] * problem.steps[i]))
+        rest = np.maximum(v[i] - (1 - share[i]) * whole[i], 0.0)
+        pieces += [whole[i], rest * (np.sum(v[i]) / np.sum(rest))]
+    return np.array(times), np.array(pieces)
 
 
 def _cut_at_steps(
