@@ -20,7 +20,6 @@ from occontrol.families.robust.criteria import Smoothed, Supported
 from occontrol.families.robust.game import ordinary_elements
 from occontrol.families.robust.scattering import Element, advance, retreat
 from occontrol.families.robust.slots import Slots
-from occontrol.scheduling.criterion import Criterion
 from occontrol.scheduling.feasible_set import FeasibleSet, IntervalPolytopes
 from occontrol.scheduling.recursion import Recursion
 
@@ -71,7 +70,7 @@ def walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int = 0, p
     return _walk(slots, weights, start, first, Supported(slots.size, slots.level, power))
 
 
-def _walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int, criterion: Criterion) -> Walk:
+def _walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int, criterion: Smoothed | Supported) -> Walk:
     elements = mixed_elements(slots, weights, first)
     real = tuple(np.ascontiguousarray(np.real(part[:, 0])) for part in elements)
     count = slots.count - first
@@ -83,11 +82,11 @@ def _walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int, crit
         slope[k] = np.imag(after) / STEP
         N[k + 1] = np.real(after[0])
     costate = np.empty_like(N)
-    costate[-1] = criterion.gradient(N[-1])
+    value, costate[-1] = criterion.linearised(N[-1])
     for k in range(count - 1, -1, -1):
         costate[k] = retreat(N[k], costate[k + 1], tuple(part[k] for part in real))  # type: ignore[arg-type]
     gradient = np.einsum("kij,kmij->km", costate[1:], slope)
-    return Walk(criterion.value(N[-1]), gradient, N, costate)
+    return Walk(value, gradient, N, costate)
 
 
 def shares(slots: Slots, first: int = 0) -> IntervalPolytopes:

@@ -9,8 +9,24 @@ import numpy as np
 from occontrol.families.robust.ellipsoid_size import Size
 
 
+class _SizeCriterion:
+    """A Criterion whose value and gradient (n, n) at P (n, n) come from one decomposition."""
+
+    def linearised(self, covariance: np.ndarray) -> tuple[float, np.ndarray]:
+        """Value and gradient (n, n) at P (n, n)."""
+        raise NotImplementedError
+
+    def value(self, covariance: np.ndarray) -> float:
+        """The function at P (n, n)."""
+        return self.linearised(covariance)[0]
+
+    def gradient(self, covariance: np.ndarray) -> np.ndarray:
+        """Its gradient (n, n) at P (n, n)."""
+        return self.linearised(covariance)[1]
+
+
 @dataclass(frozen=True)
-class Smoothed:
+class Smoothed(_SizeCriterion):
     """A size with its kink smoothed, never below the size: what the relaxation minimises.
 
     Parameters
@@ -24,13 +40,9 @@ class Smoothed:
     level: float
     power: float
 
-    def value(self, covariance: np.ndarray) -> float:
-        """The smoothed size at P (n, n)."""
-        return self.size.smooth(covariance, self.level, self.power)[0]
-
-    def gradient(self, covariance: np.ndarray) -> np.ndarray:
-        """Its gradient (n, n) at P (n, n)."""
-        return self.size.smooth(covariance, self.level, self.power)[1]
+    def linearised(self, covariance: np.ndarray) -> tuple[float, np.ndarray]:
+        """The smoothed size and its gradient (n, n) at P (n, n)."""
+        return self.size.smooth(covariance, self.level, self.power)
 
     def smoothing_error(self, covariance: np.ndarray) -> float:
         """By how much it exceeds the size at P (n, n)."""
@@ -38,7 +50,7 @@ class Smoothed:
 
 
 @dataclass(frozen=True)
-class Supported:
+class Supported(_SizeCriterion):
     """A convex function that touches a size at the shape where it is asked for and nowhere exceeds it: for planes.
 
     Parameters
@@ -52,13 +64,9 @@ class Supported:
     level: float
     power: float = np.inf
 
-    def value(self, covariance: np.ndarray) -> float:
-        """The supporting function of P (n, n), at P."""
-        return self.size.support(covariance, self.level, self.power)[0]
-
-    def gradient(self, covariance: np.ndarray) -> np.ndarray:
-        """Its gradient (n, n) at P (n, n)."""
-        return self.size.support(covariance, self.level, self.power)[1]
+    def linearised(self, covariance: np.ndarray) -> tuple[float, np.ndarray]:
+        """The supporting function of P (n, n) at P, and its gradient (n, n)."""
+        return self.size.support(covariance, self.level, self.power)
 
     def smoothing_error(self, covariance: np.ndarray) -> float:
         """0: it never exceeds the size."""

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
 from occontrol.families.athans.collocation.mesh import Mesh, simulate_mesh
@@ -72,15 +71,12 @@ def solve_collocation(
     options : Collocation
     monitor : Monitor
 
-    Raises SolveFailed when there is no usable iterate, or for an unknown scheme.
+    Raises SolveFailed when there is no usable iterate.
     Athans (1971), (4.1)-(4.4), with 0 <= v <= 1.
     """
     options = options or Collocation()
     monitor = (monitor or Monitor()).child(options.time_limit)
-    try:
-        table = butcher_table(options.scheme, options.stages)
-    except ValueError as error:
-        raise SolveFailed(str(error)) from None
+    table = butcher_table(options.scheme, options.stages)
     W = terminal_weight(problem)
     weights = uniform_policy(problem)
     information = information_form(problem)
