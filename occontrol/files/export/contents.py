@@ -19,6 +19,7 @@ def filter_arrays(problem: Any, solution: Solution) -> dict[str, np.ndarray]:
     """
     if problem.family != "athans" or solution.schedule is None:
         return {}
+    from occontrol.families.athans.filter.planned import default_model
     from occontrol.families.athans.filter.tables import filter_tables
 
-    return filter_tables(problem, solution.schedule)
+    return filter_tables(problem, solution.schedule, default_model(solution.result))

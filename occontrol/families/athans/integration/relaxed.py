@@ -25,6 +25,7 @@ from occontrol.scheduling.sweep import Sweep
 
 ROUNDS = 8
 INNER = 0.6  # of the gap: what the corrected problem is solved to
+OWN = 2  # times the sweeps that a mixture of cuts would have taken: by those the shaken polish is budgeted
 SLOW = 0.5  # a round that leaves more than this share of the excess is too slow
 ROUGH = 10.0  # times the gap: where the recursion with one step an interval only shows the way
 FAR = 0.3  # one step an interval is that far off: its optimum is no place to start from
@@ -94,7 +95,8 @@ def relax(
     error = 0.0 if isinstance(on, Folded) else on.error(v)
     outcome = RelaxedOutcome(v, J, J - own - error, g, spent.iterations, status, spent.sweeps, spent.stalled)
     bound = allowed.bound(J_one, v, g_one)
-    inner = RelaxedOutcome(v, J_one, bound, g_one, spent.iterations, status, spent.sweeps)
+    counted = {name: count // OWN for name, count in spent.sweeps.items()}
+    inner = RelaxedOutcome(v, J_one, bound, g_one, spent.iterations, status, counted)
     return PricedSweep(sweep.recursion, base, outcome, inner, on)
 
 
