@@ -114,7 +114,8 @@ def test_one_substep_is_the_first_edition_exactly() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_time_origin_changes_nothing(seed: int) -> None:
-    problem = accurate(seed, running=seed % 2 == 0)
+    # (an edge that is added for accuracy is a double, too: on the other clock it moves by 2e-7)
+    problem = replace(accurate(seed, running=seed % 2 == 0), integration=Integration(refine=False))
     edges = np.round(problem.edges * 64) / 64  # times that both clocks can say
     here = replace(problem, edges=edges, predict_at=float(edges[-1]) + 0.25)
     there = replace(here, edges=edges + 1.7e9, predict_at=here.predict_at + 1.7e9)
@@ -209,10 +210,11 @@ def test_the_exact_model_is_the_matched_filter_where_steps_are_many() -> None:
     from occontrol.families.athans.filter.consistency import expected_nees
     from occontrol.families.athans.filter.planned import default_model
 
-    solution = occontrol.solve(replace(accurate(0), edges=np.linspace(0, 4, 5)))
+    unrefined = Integration(refine=False)
+    solution = occontrol.solve(replace(accurate(0), edges=np.linspace(0, 4, 5), predict_at=4.3, integration=unrefined))
     assert default_model(solution.result) == "exact" and solution.arrays["filter_covariance"].shape == (5, 3, 3)
     assert solution.arrays["gain"].shape[:2] == (4, 3)
     assert expected_nees(solution.problem, solution.schedule, "exact") == pytest.approx(1.0, abs=1e-8)
-    assert np.max(expected_nees(solution.problem, solution.schedule, "split")) > 1.0001
+    assert np.max(np.abs(expected_nees(solution.problem, solution.schedule, "split") - 1)) > 0.01
     plain = occontrol.solve(random_problem(0))
     assert default_model(plain.result) == "split" and "filter_covariance" not in plain.arrays

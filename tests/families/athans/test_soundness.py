@@ -16,6 +16,8 @@ from scipy.integrate import solve_ivp
 import occontrol
 from occontrol.core.errors import ProblemError
 from occontrol.core.solution import Solution, Status
+from occontrol.families.athans.filter.consistency import expected_nees
+from occontrol.families.athans.filter.planned import default_model
 from occontrol.families.athans.inspection import inspect
 from occontrol.families.athans.integration.options import Integration
 
@@ -141,6 +143,8 @@ def test_a_coarse_grid_tells_what_its_schedule_really_costs(name: str, cost: flo
     assert solution.result["lower_bound"] <= solution.cost and solution.result["relative_gap"] <= 1e-4
     assert continuous["cost"] - continuous["lower_bound"] <= 0.01 * cost
     assert solution.result["integration_steps"] > solution.result["intervals"]
+    assert default_model(solution.result) == "exact"
+    assert expected_nees(solution.problem, solution.schedule, "exact") == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from occontrol.core.solution import ALLOWANCE, Certificate
+from occontrol.core.solution import Certificate
 from occontrol.families.athans.discretise import HalfPredicts, discretise, half_predicts, scaled_rows
 from occontrol.families.athans.integration.folded import Extrapolated, Folded
 from occontrol.families.athans.integration.local_error import step_errors
@@ -63,8 +63,8 @@ class Evaluation:
         error = self.error if isinstance(self.on, Extrapolated) else 0.0
         own = allowed.bound(self.cost, self.weights, self.gradient) - error
         # bounds and costs come from different meshes: that far a bound may lie above a cost
-        allowance = max(ALLOWANCE, MESHES * error / abs(self.cost)) if self.cost else ALLOWANCE
-        return Certificate(self.cost, at_least_zero(max(own, known_bound), self.cost), allowance)
+        bound = at_least_zero(max(own, known_bound), self.cost)
+        return Certificate(self.cost, self.cost if self.cost < bound <= self.cost + MESHES * error else bound)
 
 
 class Integrator:
