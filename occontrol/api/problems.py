@@ -72,7 +72,7 @@ def solve(problem: Any, method: Any = None, monitor: Monitor | None = None) -> S
     """
     chosen = choose_method(problem, method)
     solution = family_of(problem).solve(problem, chosen, _own_monitor(monitor, chosen))
-    return dataclasses.replace(solution, problem=problem)
+    return solution  # it carries its problem, to which a family may have added edges
 
 
 def _own_monitor(monitor: Monitor | None, method: Any) -> Monitor:

@@ -55,7 +55,7 @@ def solve(
         if usable:
             try:
                 # whoever interrupts wants to go on, the numbers are what must not be lost
-                content = write_with_figures(folder, problem, solution, figures and not monitor.interrupted)
+                content = write_with_figures(folder, solution.problem, solution, figures and not monitor.interrupted)
                 if figures and monitor.interrupted:
                     note("interrupted: no figures were drawn")
             except FileAccessError as error:
@@ -63,7 +63,7 @@ def solve(
         if json:
             print_json(content)
         else:
-            _print_summary(problem, solution, folder if usable and trouble is None else None)
+            _print_summary(solution.problem, solution, folder if usable and trouble is None else None)
         if trouble is not None:
             raise trouble
         code = exit_code(monitor, solution.status.exit_code)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occontrol.core.clock import nearest_edge
 from occontrol.core.errors import ProblemError, suggest
 from occontrol.core.sensor import IDLE
 
 INTEGER = 1e-6
-SNAP = 1e-6  # of the interval of the grid: a switch that close to an edge is at that edge
-ULPS = 4  # of |t|: what reading and writing a time may do to it, however large it is beside the interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +163,7 @@ class Schedule:
 
 
 def snap(times: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Times moved onto the edges of a grid that they nearly meet: to SNAP of the shorter interval there, or some ulps.
+    """Times moved onto the edges of a grid that they nearly meet (core/clock.py says how nearly).
 
     Parameters
     ----------
@@ -173,13 +172,8 @@ def snap(times: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
     Returns the times (...,).
     """
-    times, edges = np.asarray(times, dtype=float), np.asarray(edges, dtype=float)
-    right = np.clip(np.searchsorted(edges, times), 1, len(edges) - 1)
-    nearest = np.where(times - edges[right - 1] < edges[right] - times, right - 1, right)
-    lengths = np.diff(edges)
-    shorter = np.minimum(np.append(lengths, np.inf), np.append(np.inf, lengths))[nearest]
-    at = edges[nearest]
-    return np.where(np.abs(times - at) <= SNAP * shorter + ULPS * np.spacing(np.abs(at)), at, times)
+    index, same = nearest_edge(times, edges)
+    return np.where(same, np.asarray(edges, dtype=float)[index], times)
 
 
 def constant_schedule(edges: np.ndarray, names: Sequence[str], weights: Sequence[float]) -> Schedule:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.core.clock import tolerance
 from occontrol.core.errors import Collector, Mistake, ProblemError
 from occontrol.core.signal import ConstantSignal, Signal, as_signal
 
@@ -105,7 +106,7 @@ class Sensor:
         """Whether the whole of [start, end] lies inside the windows (those that touch count as one)."""
         if self.windows is None:
             return True
-        slack = 1e-9 * max(1.0, abs(start), abs(end))
+        slack = tolerance(end - start, start, end)
         for a, b in self.windows:  # in order of time
             if a > start + slack:
                 return False

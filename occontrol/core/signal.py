@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.core.clock import tolerance
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.expression import parse_expression
 from occontrol.core.poles import find_pole
@@ -169,7 +170,7 @@ class TableSignal(Signal):
 
     def covers(self, start: float, end: float) -> bool:
         """Whether [start, end] lies inside the table ("previous" may be held beyond its last time)."""
-        slack = 1e-9 * max(1.0, abs(start), abs(end))
+        slack = tolerance(end - start, start, end)
         return bool(
             self.times[0] <= start + slack and (self.interpolation == "previous" or self.times[-1] >= end - slack)
         )

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.core.clock import resolution
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural, suggest
-from occontrol.core.schedule import ULPS, Schedule, snap
+from occontrol.core.schedule import Schedule, snap
 from occontrol.core.sensor import IDLE
 from occontrol.files.positions import in_order
 
@@ -62,7 +63,7 @@ def grid_of(problem: Any) -> np.ndarray:
 
 def _switches(segments: Sequence[Segment], edges: np.ndarray, found: Collector, file: str) -> np.ndarray:
     """The K+1 times between the K segments, moved onto edges of the grid that they nearly meet."""
-    slack = JOIN * (edges[-1] - edges[0]) + ULPS * np.spacing(np.max(np.abs(edges)))
+    slack = JOIN * (edges[-1] - edges[0]) + resolution(edges)
     times = [float(edges[0])]
     for before, segment in zip((None, *segments), segments, strict=False):
         start = times[0] if before is None else before.end

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from occontrol.core.clock import tolerance
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.trajectory import Trajectory
 from occontrol.files.problem_file import read_text
@@ -34,8 +35,9 @@ def read_truth(path: str | Path, times: np.ndarray, states: int) -> Trajectory:
         except ValueError:
             what = f"this is not a line of t and {states} finite states"
             raise ProblemError(Mistake((), what, "columns: t, x1, x2, ..", place=f"{path}:{i + 2}")) from None
-    at = np.searchsorted(values[:, 0], times - 1e-9 * max(1.0, float(np.max(np.abs(times)))))
-    if not len(values) or np.any(at >= len(values)) or not np.allclose(values[at, 0], times, rtol=1e-9, atol=1e-12):
+    slack = tolerance(float(np.min(np.diff(times), initial=np.inf)) if len(times) > 1 else 0.0, times)
+    at = np.searchsorted(values[:, 0], times - slack)
+    if not len(values) or np.any(at >= len(values)) or np.any(np.abs(values[at, 0] - times) > slack):
         what = "the file does not have the times of the estimates"
         raise ProblemError(Mistake((), what, "it belongs to the same run and the same grid", place=str(path)))
     return Trajectory(times, values[at, 1:])

@@ -23,10 +23,13 @@ TOLERANCE = 1e-12
 MAX_STEPS = 16  # a span that needs more is halved
 MAX_PIECES = 256  # that may still be wrong at the same time
 SMOOTH = 0.13  # between 1/16, the fall of the roughness of what is smooth when steps are halved, and 1/4, of a kink
+SAME_BITS = 40  # lengths that agree in so many bits are one, their F and Q are shared
 INSET = 1e-7  # of a step: a table that is held takes its next value at the very end
 
 
-def transitions(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def transitions(
+    A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray, origin: float = 0.0, cuts: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """F and Q of many spans.
 
     Parameters
@@ -34,19 +37,30 @@ def transitions(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) 
     A : (n, n) Signal, 1/time
     noise : (n, n) Signal, intensity Xi
     starts, ends : (K,) spans; an empty one (start = end) gives the identity and zero
+    origin : what `starts` and `ends` are counted from, so that they keep their digits
+    cuts : further times, counted from `origin`, across which nothing is taken for smooth
 
     Returns F (K, n, n) and Q (K, n, n), Q symmetric positive semidefinite.
     """
     starts, ends = np.asarray(starts, dtype=float), np.asarray(ends, dtype=float)
     if A.constant and noise.constant:
         return _constant(A.at(0.0), noise.at(0.0), ends - starts)
-    return _varying(A, noise, starts, ends)
+    return _varying(A, noise, starts, ends, origin, np.empty(0) if cuts is None else cuts)
 
 
 def unique_spans(lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distinct lengths (to 1e-12 relative) and, for each span, the index of its length."""
-    scale = float(np.max(np.abs(lengths))) or 1.0
-    _, first, index = np.unique(np.round(lengths / scale, 12), return_index=True, return_inverse=True)
+    """Distinct lengths (each to 2^-40 of itself) and, for each span, the index of its length.
+
+    Parameters
+    ----------
+    lengths : (K,) not negative
+
+    Returns (U,) and (K,).
+    """
+    lengths = np.asarray(lengths, dtype=float)
+    mantissa, exponent = np.frexp(lengths)
+    alike = np.ldexp(np.rint(np.ldexp(mantissa, SAME_BITS)), exponent)
+    _, first, index = np.unique(alike, return_index=True, return_inverse=True)
     return lengths[first], index.ravel()
 
 
@@ -93,9 +107,11 @@ def _semidefinite(Q: np.ndarray) -> np.ndarray:
     return (clipped + np.swapaxes(clipped, 1, 2)) / 2
 
 
-def _varying(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _varying(
+    A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray, origin: float, cuts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     n = A.shape[0]
-    cuts = np.union1d(A.breakpoints, noise.breakpoints)
+    cuts = np.union1d(np.union1d(A.breakpoints, noise.breakpoints) - origin, cuts)
     pieces: list[tuple[float, float]] = []
     owner: list[int] = []
     for i, (a, b) in enumerate(zip(starts, ends, strict=True)):
@@ -107,10 +123,10 @@ def _varying(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> 
     most = len(spans) + MAX_PIECES
     found: list[tuple[int, float, np.ndarray, np.ndarray]] = []
     while len(spans):
-        f, q, wrong = _doubled(A, noise, spans, scale)
+        f, q, wrong = _doubled(A, noise, spans, scale, origin)
         found += [(int(whose[k]), spans[k, 0], f[k], q[k]) for k in np.flatnonzero(~wrong)]
         if np.sum(wrong) > most:
-            a, b = spans[wrong][0]
+            a, b = origin + spans[wrong][0]
             raise SolveFailed(
                 f"the plant cannot be integrated between t = {a:g} and {b:g} to {TOLERANCE:g}\n"
                 "  hint: A or noise changes too fast there; use a finer grid, or a table with a time at each jump"
@@ -130,19 +146,19 @@ def _varying(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray) -> 
 
 
 def _doubled(
-    A: Signal, noise: Signal, spans: np.ndarray, scale: np.ndarray
+    A: Signal, noise: Signal, spans: np.ndarray, scale: np.ndarray, origin: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """F and Q of the (K, 2) spans by 1, 2, 4, .. steps, and which still move after MAX_STEPS.
 
     `scale` (K,) is the size of Q below which nothing counts: that of the span which a piece was cut from.
     """
     todo, steps = np.arange(len(spans)), 1
-    shortest = 4 * np.finfo(float).eps * np.max(np.abs(spans), axis=1)
+    shortest = 4 * np.finfo(float).eps * (np.max(np.abs(spans), axis=1) + abs(origin))
     with np.errstate(over="ignore", invalid="ignore"):
-        f, q, rough = _magnus(A, noise, spans, steps)
+        f, q, rough = _magnus(A, noise, spans, steps, origin)
         while len(todo) and steps < MAX_STEPS:
             steps *= 2
-            finer_f, finer_q, finer_rough = _magnus(A, noise, spans[todo], steps)
+            finer_f, finer_q, finer_rough = _magnus(A, noise, spans[todo], steps, origin)
             # written so that a step that overflowed counts as wrong
             wrong = ~(_apart(finer_f, f[todo]) <= TOLERANCE * np.max(np.abs(finer_f), axis=(1, 2)))
             size = np.maximum(scale[todo], np.max(np.abs(finer_q), axis=(1, 2)))
@@ -162,7 +178,9 @@ def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.max(np.abs(a - b), axis=(1, 2))
 
 
-def _magnus(A: Signal, noise: Signal, spans: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _magnus(
+    A: Signal, noise: Signal, spans: np.ndarray, steps: int, origin: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`steps` sixth-order Magnus steps over each of the (K, 2) spans: F, Q, and how rough A and Xi are (K, 2).
 
     Roughness: h times the distance, at the ends of a step, between a signal and the parabola through its three nodes.
@@ -171,7 +189,7 @@ def _magnus(A: Signal, noise: Signal, spans: np.ndarray, steps: int) -> tuple[np
     K, n = len(spans), A.shape[0]
     h = (spans[:, 1] - spans[:, 0]) / steps
     nodes = np.array([INSET, 0.5 - np.sqrt(15) / 10, 0.5, 0.5 + np.sqrt(15) / 10, 1 - INSET])
-    times = spans[:, 0, None, None] + h[:, None, None] * (np.arange(steps)[None, :, None] + nodes)
+    times = origin + spans[:, 0, None, None] + h[:, None, None] * (np.arange(steps)[None, :, None] + nodes)
     a = A.sample(times.ravel()).reshape(K, steps, 5, n, n)
     x = noise.sample(times.ravel()).reshape(K, steps, 5, n, n)
     rough = h[:, None] * np.column_stack([_roughness(a, nodes), _roughness(x, nodes)])

@@ -29,6 +29,8 @@ class RelaxedOptions:
     ----------
     relative_gap : target of (J - bound)/|J|
     max_iterations : steps
+    absolute_gap : target of J - bound in its place, for a J that holds an arbitrary constant
+    own : whether only the policy's own bound counts, not a mixture of cuts
     memory : pairs of the quasi-Newton method; 4 n, between 80 and 120, if None (the curvature's rank grows with the
         states); fewer where they would take more than PAIR_BYTES
     """
@@ -36,6 +38,8 @@ class RelaxedOptions:
     relative_gap: float = 1e-4
     max_iterations: int = 3000
     memory: int | None = None
+    absolute_gap: float | None = None
+    own: bool = False
 
 
 @dataclass
@@ -96,8 +100,8 @@ def minimise_relaxed(
     iteration = stalled = 0
     while True:
         monitor.report(iteration, J, bound)
-        target = options.relative_gap * abs(J)
-        if J - bound > target and J - bound < 3.0 * target:
+        target = options.relative_gap * abs(J) if options.absolute_gap is None else options.absolute_gap
+        if not options.own and J - bound > target and J - bound < 3.0 * target:
             bound = max(bound, cuts.bound(wanted=J - target))
         if J - bound <= target:
             status = Status.CERTIFIED
@@ -116,13 +120,13 @@ def minimise_relaxed(
             found = _along(objective, v, J, g, feasible_set.vertex(g) - v, bound)
             if found is None:
                 stalled += 1
-                bound = max(bound, cuts.bound(200))
+                bound = bound if options.own else max(bound, cuts.bound(200))
                 continue
         stalled = 0
         w, J_new, g_new = found
         memory.update(w - v, g_new - g)
         v, J, g = w, J_new, g_new
-        bound = max(bound, feasible_set.bound(J, v, g))
+        bound = feasible_set.bound(J, v, g) if options.own else max(bound, feasible_set.bound(J, v, g))
         cuts.add(J, g, v)
     names = ("gradients", "costs")
     after = (objective.backward_count, objective.forward_count)

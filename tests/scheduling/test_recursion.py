@@ -148,3 +148,44 @@ def test_every_solver_works_on_shared_decisions(seed, running):
             assert allowed.contains(found.weights) and np.array_equal(found.weights, np.round(found.weights))
             assert best * (1 - 1e-12) <= found.cost <= sweep.cost(start) * (1 + 1e-12)
             assert found.lower_bound <= best * (1 + 1e-12)
+
+
+def test_a_closed_sensor_has_its_price_as_gradient():
+    r, _ = shared(7, closed=[(1, 0), (3, 2)])
+    v = np.tile([0.0, 1.0, 0.0, 0.0], (4, 1))
+    for small in (0, 1000):
+        _, g = Sweep(r, small=small).cost_and_gradient(v)
+        closed = r.available == 0.0
+        np.testing.assert_allclose(g[closed], r.decision_cost[closed], rtol=1e-15)
+        assert np.all(g[~closed][r.decision_cost[~closed] > 0] < r.decision_cost[~closed][r.decision_cost[~closed] > 0])
+
+
+def greedy_by_definition(r):
+    """Price, running charge of the steps before the last, tr(W_k S+) after it: with plain inverses."""
+    owner = np.arange(len(r.steps)) if r.owner is None else r.owner
+    later, W = {}, r.terminal
+    for k in range(len(r.steps) - 1, -1, -1):
+        F = r.transition[r.predict[k + 1]]
+        W = later[k] = F.T @ W @ F + r.steps[k] * r.running[r.running_set[k]]
+    S, chosen = r.initial, []
+    for decision in range(r.intervals):
+        steps, options = np.flatnonzero(owner == decision), []
+        for j in range(r.sensors):
+            value, after = 0.0, S
+            for k in steps:
+                F, C = r.transition[r.predict[k]], r.rows[r.row_set[k]][r.offsets[j] : r.offsets[j + 1]]
+                before = F @ after @ F.T + r.noise[r.predict[k]]
+                after = np.linalg.inv(np.linalg.inv(before) + r.steps[k] * C.T @ C)
+                weight = later[k] if k == steps[-1] else r.steps[k] * r.running[r.running_set[k]]
+                value += r.cost[k, j] + np.trace(weight @ after)
+            options.append((value, j, after))
+        _, j, S = min(options, key=lambda option: option[0])
+        chosen.append(j)
+    return chosen
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_greedy_charges_every_step_once(seed):
+    r, allowed = shared(seed, running=True)
+    r = replace(r, running=r.running * 8.0)
+    assert np.argmax(baselines.greedy(r, allowed), axis=1).tolist() == greedy_by_definition(r)

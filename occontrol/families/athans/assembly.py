@@ -8,13 +8,14 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
 from occontrol.families.athans.certificate import judge
-from occontrol.families.athans.discretise import HalfPredicts, feasible_set, prediction_weight
+from occontrol.families.athans.discretise import feasible_set, prediction_weight
 from occontrol.families.athans.filter.gains import filter_gains
+from occontrol.families.athans.filter.planned import planned_gains
 from occontrol.families.athans.found import Found
-from occontrol.families.athans.node_path import node_path
+from occontrol.families.athans.integration.integrator import Integrator
+from occontrol.families.athans.integration.path import finer_steps, parts_of
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers
-from occontrol.scheduling.bounds import policy_certificate
 from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.hminimal import polish
 from occontrol.scheduling.rounding import singular_intervals
@@ -24,8 +25,8 @@ from occontrol.scheduling.sweep import Sweep
 def assemble(
     problem: SchedulingProblem,
     name: str,
+    integrator: Integrator,
     sweep: Sweep,
-    halves: HalfPredicts,
     found: Found,
     monitor: Monitor,
     started: float,
@@ -36,27 +37,29 @@ def assemble(
     ----------
     problem : SchedulingProblem
     name : of the method
-    sweep, halves : the problem's recursion
+    integrator : of the problem
+    sweep : the recursion that the method worked on, prices corrected
     found : what the method handed over
     monitor : Monitor
     started : time.perf_counter() at the start
     """
-    r, v, allowed = sweep.recursion, found.weights, feasible_set(problem)
+    r, v, allowed = integrator.recursion, found.weights, feasible_set(problem)
     relaxed = found.relaxed
     known = max(found.bound, relaxed.lower_bound if relaxed is not None else -np.inf)
-    certificate = policy_certificate(sweep, allowed, v, known)
+    evaluated = integrator.evaluate(v)
+    certificate = evaluated.certificate(allowed, known)
     monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
     # whoever interrupts waits for one re-integration, not for two
     better = relaxed.weights if relaxed is not None and not monitor.interrupted else None
-    judged = judge(problem, v, certificate.cost, better)
-    path = node_path(r, halves, v)
+    judged = judge(problem, v, certificate.cost, better, evaluated.error)
+    parts = parts_of(integrator, evaluated)
+    path = parts.path
     status, message = found.status, found.message
     if status is Status.CERTIFIED and not found.proves and certificate.relative_gap > found.target:
         status = Status.FEASIBLE
     schedule = Schedule(problem.edges, v, tuple(problem.sensors.names))
     singular = _singular_fraction(sweep, allowed, relaxed.weights if relaxed is not None else v, v, monitor)
-    observation = float(np.vdot(r.cost, v))
-    error = float(np.vdot(r.terminal, path.covariance[-1]))
+    observation, error = parts.observation, parts.prediction
     continuous = judged.certificate
     if certificate.contradicts:
         status, message = Status.DISAGREES, certificate.text
@@ -81,6 +84,11 @@ def assemble(
         relaxed_cost=relaxed.cost if relaxed is not None else certificate.cost,
         relaxed_lower_bound=relaxed.lower_bound if relaxed is not None else certificate.lower_bound,
         singular_fraction=singular,
+        intervals=problem.intervals,
+        integration_steps=evaluated.steps,
+        integration_error=judged.discretisation_error,
+        added_edges=[{"t": t, "why": why} for t, why in problem.added_edges],
+        warnings=list(problem.warnings),
         switches=schedule.switches,
         sweeps=dict(relaxed.sweeps) if relaxed is not None else {},
         extra=dict(found.extra),
@@ -94,6 +102,7 @@ def assemble(
         "costate": path.costate,
         "switching": path.switching,
         **filter_gains(problem, v, path),
+        **(planned_gains(problem, schedule) if finer_steps(evaluated) else {}),
     }
     if relaxed is not None:
         arrays["relaxed_weights"] = relaxed.weights

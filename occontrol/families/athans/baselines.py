@@ -59,9 +59,10 @@ class BestSingle(Baseline):
 
     def policy(self, sweep: Sweep, feasible_set: FeasibleSet) -> np.ndarray:
         """The policy (N, M)."""
+        from occontrol.families.athans.integration.priced import judge_of
         from occontrol.scheduling.baselines import best_single
 
-        return best_single(sweep, feasible_set)
+        return best_single(judge_of(sweep), feasible_set)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from occontrol.core.clock import nearest_edge
 from occontrol.core.schedule import Schedule
 from occontrol.core.signal import TableSignal
 from occontrol.core.solution import ALLOWANCE, Certificate
@@ -56,9 +57,7 @@ def _jumps(problem: SchedulingProblem) -> np.ndarray:
     tables = [s for s in problem.signals.values() if isinstance(s, TableSignal) and s.interpolation == "previous"]
     times = np.unique(np.concatenate([np.empty(0), *(table.breakpoints for table in tables)]))
     times = times[(times > problem.edges[0]) & (times < problem.edges[-1])]
-    after = np.searchsorted(problem.edges, times)
-    near = np.minimum(problem.edges[after] - times, times - problem.edges[after - 1])
-    return times[near > 1e-9 * problem.steps[after - 1]]
+    return times[~nearest_edge(times, problem.edges)[1]] if len(times) else times
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,13 @@ class Judgement:
         return self.certificate.text or differ
 
 
-def judge(problem: SchedulingProblem, weights: np.ndarray, cost: float, relaxed: np.ndarray | None = None) -> Judgement:
+def judge(
+    problem: SchedulingProblem,
+    weights: np.ndarray,
+    cost: float,
+    relaxed: np.ndarray | None = None,
+    error: float | None = None,
+) -> Judgement:
     """Re-integrate a policy (and, for its bound, the relaxed one) in continuous time and compare the cost.
 
     Parameters
@@ -100,13 +105,15 @@ def judge(problem: SchedulingProblem, weights: np.ndarray, cost: float, relaxed:
     weights : (N, M) policy on the problem's edges
     cost : its J by the recursion
     relaxed : (N, M) the relaxed optimum, whose continuous-time bound is the tighter one
+    error : estimated |J - J of continuous time|, if it is known already
     """
     names = tuple(problem.sensors.names)
     check = reintegrate(problem, Schedule(problem.edges, weights, names))
     bound = check.lower_bound
     if relaxed is not None and relaxed is not weights:
         bound = max(bound, reintegrate(problem, Schedule(problem.edges, relaxed, names)).lower_bound)
-    error = discretisation_error(problem, weights, cost)
+    if error is None or not np.isfinite(error):
+        error = discretisation_error(problem, weights, cost)
     allowed = SAFETY * error + RELATIVE * abs(cost) + check.error
     judged = Judgement(check, at_least_zero(bound, check.cost), error, bool(abs(check.cost - cost) <= allowed))
     return replace(judged, agrees=judged.agrees and not judged.certificate.contradicts)

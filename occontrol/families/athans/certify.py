@@ -13,12 +13,12 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.assembly import assemble
-from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
+from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.found import Found
+from occontrol.families.athans.integration.refine import relax_and_refine
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult
-from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
-from occontrol.scheduling.sweep import Sweep
+from occontrol.scheduling.relaxation import RelaxedOptions
 
 
 def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | None = None) -> Solution:
@@ -37,15 +37,13 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     monitor = Monitor()
     problem, weights = on_common_grid(problem, schedule)
     problem.require_feasible()
-    allowed = feasible_set(problem)
-    if mistakes := allowed.check(weights):
+    if mistakes := feasible_set(problem).check(weights):
         raise ProblemError(mistakes)
-    halves = half_predicts(problem)
-    sweep = Sweep(discretise(problem, halves))
     gap = getattr(problem.method, "relative_gap", 1e-4)
-    relaxed = minimise_relaxed(sweep, allowed, None, RelaxedOptions(gap), monitor)
+    integrator, sweep = relax_and_refine(problem, RelaxedOptions(gap), monitor, refine=False)
+    relaxed = sweep.outcome
     found = Found(weights, relaxed.iterations, relaxed.status, "", relaxed, target=gap)
-    solution = assemble(problem, "certify", sweep, halves, found, monitor, started)
+    solution = assemble(problem, "certify", integrator, sweep, found, monitor, started)
     if claims is not None and solution.certificate is not None:
         lowest = min(relaxed.cost, solution.certificate.cost)
         numbers: AthansResult = solution.numbers  # type: ignore[assignment]
@@ -88,19 +86,17 @@ def claims_of(solution: Solution) -> Claims:
 
 
 def on_common_grid(problem: SchedulingProblem, schedule: Schedule) -> tuple[SchedulingProblem, np.ndarray]:
-    """The problem on the union of its own edges and the schedule's, and the schedule's weights there.
+    """The problem on the union of its own edges and the schedule's, and the schedule's weights (N, M) there.
 
     Parameters
     ----------
     problem : SchedulingProblem
     schedule : Schedule over the same horizon, sensors in any order
+
+    Raises ProblemError where the schedule is not one for this problem.
     """
-    scale = max(1.0, float(np.max(np.abs(problem.edges))))
-    extra = schedule.edges[np.min(np.abs(schedule.edges[:, None] - problem.edges[None]), axis=1) > 1e-9 * scale]
-    edges = np.sort(np.concatenate([problem.edges, extra]))
+    edges = schedule.common_edges(problem.edges)
+    extra = edges[~np.isin(edges, problem.edges)]
     if len(extra):
-        problem = dataclasses.replace(problem, edges=edges)
-    middle = (edges[1:] + edges[:-1]) / 2
-    interval = np.clip(np.searchsorted(schedule.edges, middle, side="right") - 1, 0, len(schedule.weights) - 1)
-    order = [schedule.names.index(name) for name in problem.sensors.names]
-    return problem, schedule.weights[interval][:, order]
+        problem = problem.with_edges([(float(t), "the schedule switches") for t in extra])
+    return problem, schedule.on_grid(problem.edges, problem.sensors.names, problem.select)

@@ -35,15 +35,15 @@ class HalfPredicts:
 
 def half_predicts(problem: SchedulingProblem) -> HalfPredicts:
     """Transition and noise of every half interval of the problem's grid."""
-    edges, middle = problem.edges, problem.midpoints
-    starts = np.column_stack([edges[:-1], middle]).ravel()
-    ends = np.column_stack([middle, edges[1:]]).ravel()
     plant = problem.plant
     if plant.A.constant and plant.noise.constant:
-        spans, index = unique_spans(ends - starts)
+        spans, index = unique_spans(np.repeat(problem.steps / 2, 2))
         F, Q = transitions(plant.A, plant.noise, np.zeros(len(spans)), spans)
     else:
-        F, Q = transitions(plant.A, plant.noise, starts, ends)
+        edges = problem.elapsed
+        middle = (edges[1:] + edges[:-1]) / 2
+        starts, ends = np.column_stack([edges[:-1], middle]).ravel(), np.column_stack([middle, edges[1:]]).ravel()
+        F, Q = transitions(plant.A, plant.noise, starts, ends, float(problem.edges[0]))
         index = np.arange(2 * problem.intervals)
     return HalfPredicts(F, Q, index.astype(np.int64))
 
@@ -93,17 +93,36 @@ def prediction_weight(problem: SchedulingProblem) -> tuple[np.ndarray, float]:
 
     Athans (1971), equations (3.12) and (5.6); the noise term is missing in (3.12).
     """
-    end, at = np.array([problem.edges[-1]]), np.array([float(problem.predict_at or 0.0)])
-    F, Q = transitions(problem.plant.A, problem.plant.noise, end, at)
-    D = problem.output.at(float(at[0]))
+    start, at = float(problem.edges[0]), float(problem.predict_at or 0.0)
+    F, Q = transitions(problem.plant.A, problem.plant.noise, problem.elapsed[-1:], np.array([at - start]), start)
+    D = problem.output.at(at)
     predicted = D @ F[0]
     return predicted.T @ predicted, float(np.trace(D @ Q[0] @ D.T))
 
 
 def discretise(problem: SchedulingProblem, halves: HalfPredicts | None = None) -> Recursion:
     """The Recursion of a scheduling problem on its own grid; `halves` may be passed when they are known already."""
-    n, N, h, middle = problem.states, problem.intervals, problem.steps, problem.midpoints
-    F, Q, predict = _merge(halves or half_predicts(problem))
+    return recursion_on(problem, halves or half_predicts(problem), problem.midpoints, problem.steps)
+
+
+def recursion_on(
+    problem: SchedulingProblem,
+    halves: HalfPredicts,
+    middle: np.ndarray,
+    steps: np.ndarray,
+    owner: np.ndarray | None = None,
+) -> Recursion:
+    """The Recursion of a scheduling problem on N steps of integration.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    halves : of the steps
+    middle, steps : (N,) midpoints and lengths of the steps
+    owner : (N,) the interval of the problem that each step lies in; None: the steps are the intervals
+    """
+    n, N, h = problem.states, len(steps), steps
+    F, Q, predict = _merge(halves)
     rows, row_set, offsets = scaled_rows(problem.sensors, middle)
     cost = np.column_stack([s.cost.sample(middle)[:, 0, 0] for s in problem.sensors]) * h[:, None] * problem.cost_weight
     R = problem.running
@@ -126,7 +145,7 @@ def discretise(problem: SchedulingProblem, halves: HalfPredicts | None = None) -
         running=np.ascontiguousarray((running + np.swapaxes(running, 1, 2)) / 2),
         running_set=running_set,
         terminal=prediction_weight(problem)[0],
-        available=problem.upper,
+        available=problem.upper if owner is None else problem.upper[owner],
     )
 
 

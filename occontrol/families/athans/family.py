@@ -49,15 +49,15 @@ class AthansFamily(Family):
         cannot be filled, SolveFailed when nothing usable was found.
         """
         from occontrol.families.athans.assembly import assemble
-        from occontrol.families.athans.discretise import discretise, feasible_set, half_predicts
-        from occontrol.scheduling.sweep import Sweep
+        from occontrol.families.athans.discretise import feasible_set
+        from occontrol.families.athans.integration.refine import search_space
 
         problem.require_feasible()
         began = time.perf_counter()
-        halves = half_predicts(problem)
-        sweep = Sweep(discretise(problem, halves))
+        integrator, sweep = search_space(problem, method, monitor)
+        problem = integrator.problem  # edges may have been added
         found = method.run(problem, sweep, feasible_set(problem), monitor)
-        return assemble(problem, method.name, sweep, halves, found, monitor, began)
+        return assemble(problem, method.name, integrator, sweep, found, monitor, began)
 
     def require_feasible(self, problem: SchedulingProblem) -> None:
         """Raise InfeasibleError, with the time, when some interval has too few available sensors."""
@@ -118,16 +118,17 @@ class AthansFamily(Family):
         problem: SchedulingProblem,
         solution: Solution,
         measurements: Sequence[Measurement],
-        model: str = "split",
+        model: str | None = None,
         gate: float | None = None,
     ) -> Estimate:
-        """The matched filter; `model` "split" has the schedule's covariance, "exact" is for coarse grids.
+        """The matched filter; `model` is "split" or "exact", None the one that belongs to the schedule.
 
         `gate` is a probability, for example 0.9999: samples farther off than that are left out.
         """
         from occontrol.families.athans.filter.kalman_bucy import run_filter
+        from occontrol.families.athans.filter.planned import default_model
 
-        return run_filter(problem, _schedule_of(solution), measurements, model, gate)
+        return run_filter(problem, _schedule_of(solution), measurements, model or default_model(solution.result), gate)
 
     def online(self, problem: SchedulingProblem, solution: Solution | None = None, method: Any = None) -> MatchedFilter:
         """The matched filter for a loop on a target, along the solution's schedule."""
@@ -140,9 +141,12 @@ class AthansFamily(Family):
 
     def filter_tables(self, problem: SchedulingProblem, solution: Solution) -> dict[str, Any]:
         """The matched filter as plain arrays, see filter/tables.py."""
+        from occontrol.families.athans.filter.planned import default_model
         from occontrol.families.athans.filter.tables import filter_tables
 
-        return {} if solution.schedule is None else filter_tables(problem, solution.schedule)
+        if solution.schedule is None:
+            return {}
+        return filter_tables(problem, solution.schedule, default_model(solution.result))
 
     def tradeoff(self, problem: SchedulingProblem, cost_weights: Sequence[float], monitor: Monitor) -> Front:
         """Observation cost against prediction error over the cost weight alpha."""

@@ -62,14 +62,18 @@ def relax(
 
     Parameters
     ----------
-    sweep, feasible_set : of the problem
+    sweep : of the problem; one that holds the relaxation already hands it over
+    feasible_set : of the problem
     monitor : Monitor of the method
     relative_gap, max_iterations : of the relaxation
     """
+    from occontrol.families.athans.integration.priced import relaxation_of
     from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 
     monitor.stage = "relaxation"
-    relaxed = minimise_relaxed(sweep, feasible_set, None, RelaxedOptions(relative_gap, max_iterations), monitor)
+    relaxed = relaxation_of(sweep)
+    if relaxed is None:
+        relaxed = minimise_relaxed(sweep, feasible_set, None, RelaxedOptions(relative_gap, max_iterations), monitor)
     message = _STALLED if relaxed.stalled else ""
     if relaxed.status is Status.DISAGREES:
         message = _SPOILT

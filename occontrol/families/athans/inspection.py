@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from occontrol.core.clock import tolerance
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.transition import transitions
 
@@ -22,14 +23,19 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
     rows = sum(s.rows for s in sensors)
     steps = problem.steps
     spacing = (
-        f"{steps[0]:.4g} each" if np.ptp(steps) < 1e-9 * steps.max() else f"{steps.min():.4g} to {steps.max():.4g}"
+        f"{steps[0]:.4g} each"
+        if np.ptp(steps) <= tolerance(steps.min(), problem.edges)
+        else f"{steps.min():.4g} to {steps.max():.4g}"
     )
+    edges = [f"{why} at t = {t:.10g}" for t, why in problem.added_edges]
     varying = [".".join(map(str, p)) for p, s in problem.signals.items() if not s.constant]
     found = [
         ("sizes", f"{n} states, {len(sensors)} sensors with {rows} rows, {N} intervals of {spacing}"),
         ("select", f"{problem.select} at a time"),
         ("horizon", f"t = {problem.edges[0]:g} to {problem.edges[-1]:g}, prediction for {problem.predict_at:g}"),
         ("time-varying", _listed(varying, 6) if varying else "nothing"),
+        *([("edges added", f"{len(edges)}: {_listed(edges, 6)}")] if edges else []),
+        *(("warning", text) for text in problem.warnings),
     ]  # fmt: skip
     rates = np.column_stack([s.cost.sample(problem.midpoints)[:, 0, 0] for s in sensors])
     low, high = _spend(rates, problem, np.min), _spend(rates, problem, np.max)

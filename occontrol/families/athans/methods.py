@@ -96,6 +96,8 @@ class RelaxRoundPolish:
     def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
         """The best of several roundings of the relaxed optimum, polished."""
         from occontrol.families.athans.found import relax
+        from occontrol.families.athans.integration.polish import Repolish, polish_for
+        from occontrol.families.athans.integration.priced import Judged, in_terms_of, judge_of
         from occontrol.scheduling.hminimal import polish
         from occontrol.scheduling.rounding import roundings
         from occontrol.scheduling.shaking import shake
@@ -111,11 +113,17 @@ class RelaxRoundPolish:
             exact = sweep.foresees_exchanges and not sweep.dense
             starts = candidates if exact else candidates[:1]
             done = [polish(sweep, feasible_set, start, self.polish, monitor) for start in starts]
-            best = min(done, key=lambda o: o.cost)
-            if relaxed is not None and exact and best.end == "stationary":
-                enough = relaxed.lower_bound + self.relative_gap * abs(best.cost)
-                spent = SHAKEN * relaxed.sweeps["gradients"]
-                best = shake(sweep, feasible_set, best, enough, spent, self.polish, monitor)
+            best, judge = min(done, key=lambda o: o.cost), judge_of(sweep)
+            if relaxed is not None:
+                inner = in_terms_of(sweep, relaxed)
+                if exact and best.end == "stationary":
+                    enough = inner.lower_bound + self.relative_gap * abs(relaxed.cost + best.cost - inner.cost)
+                    spent = SHAKEN * inner.sweeps["gradients"]
+                    best = shake(sweep, feasible_set, best, enough, spent, self.polish, monitor)
+                if isinstance(judge, Judged):
+                    offset = relaxed.cost - inner.cost
+                    options = Repolish(self.relative_gap, self.polish)
+                    best = polish_for(judge, feasible_set, [o.weights for o in done], best, offset, options, monitor)
             found.weights, found.extra["polish_rounds"] = best.weights, best.iterations
             if best.end == "interrupted":
                 found.status = Status.INTERRUPTED
@@ -155,11 +163,12 @@ class HMinimal:
     def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
         """Where the sweep ended, with the relaxation whose bound stands beside it."""
         from occontrol.families.athans.found import relax
+        from occontrol.families.athans.integration.priced import judge_of
         from occontrol.scheduling.hminimal import h_minimal
 
         found = relax(sweep, feasible_set, monitor, self.relative_gap, self.max_iterations)
-        first = STARTS[self.start]().policy(sweep, feasible_set)
-        done = h_minimal(sweep, feasible_set, first, self.max_iterations, self.tolerance, self.full_step, monitor)
+        first, judge = STARTS[self.start]().policy(sweep, feasible_set), judge_of(sweep)
+        done = h_minimal(judge, feasible_set, first, self.max_iterations, self.tolerance, self.full_step, monitor)
         found.weights, found.iterations, found.bound = done.weights, done.iterations, done.lower_bound
         found.extra["end"] = done.end
         found.message = _END[done.end]

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from occontrol.core.checks import check_covariance_signal, check_finite, check_shape, looked_at
+from occontrol.core.clock import elapsed, lengths
 from occontrol.core.errors import Collector, InfeasibleError, Mistake
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, SensorSuite
 from occontrol.core.signal import Signal, TableSignal, as_signal
+from occontrol.families.athans.integration.edges import fitted_edges, missed_windows
+from occontrol.families.athans.integration.options import Integration
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,9 @@ class SchedulingProblem:
     select : how many sensors are used at a time
     method : an options object of the family's METHODS, or None for the default
     expect : {source, cost, tolerance}, the known answer, if any
+    integration : accuracy or steps of the integration, and which times become edges
 
+    Ends of windows and jumps of held tables become edges beside those given, see `added_edges` and Integration.
     Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
     Athans (1971), equations (2.1)-(2.30), (3.12), (4.1)-(4.3); R, select and windows are generalisations.
     """
@@ -51,7 +56,10 @@ class SchedulingProblem:
     select: int = 1
     method: Any = None
     expect: Mapping[str, Any] | None = None
+    integration: Integration = field(default_factory=Integration)
     family: str = field(default="athans", init=False)
+    added_edges: tuple[tuple[float, str], ...] = field(default=(), init=False, repr=False)
+    warnings: tuple[str, ...] = field(default=(), init=False, repr=False)
 
     def __post_init__(self) -> None:
         found = Collector()
@@ -73,7 +81,10 @@ class SchedulingProblem:
             found.raise_if_any()
         if not isinstance(self.sensors, SensorSuite):  # repeated names do not hide what else is wrong
             object.__setattr__(self, "sensors", tuple(self.sensors))
+        found.mistakes += self.integration.mistakes()
         found.mistakes += self._shapes()
+        if not found.mistakes:
+            found.mistakes += self._fit_edges()
         found.mistakes += self._values({m.path for m in found.mistakes})
         found.raise_if_any()
 
@@ -95,6 +106,17 @@ class SchedulingProblem:
             what = f"predict_at = {self.predict_at:g} lies before the end of the horizon, {edges[-1]:g}"
             found.add(("horizon", "predict_at"), what, "predict_at >= end")
         return found.mistakes
+
+    def _fit_edges(self) -> list[Mistake]:
+        """Add the edges that windows and tables ask for; mistakes where a sensor can never be used."""
+        wrong, warnings = missed_windows(self.sensors, self.edges)
+        options, signals = self.integration, {p: s for p, s in self.signals.items() if p != ("objective", "output")}
+        how = {"windows": options.windows == "edges", "tables": options.substeps is None}
+        edges, added = fitted_edges(self.edges, self.sensors, signals, **how)
+        object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "added_edges", tuple(added))
+        object.__setattr__(self, "warnings", tuple(warnings))
+        return wrong
 
     def _shapes(self) -> list[Mistake]:
         n, found = self.plant.states, []
@@ -182,10 +204,15 @@ class SchedulingProblem:
         """The number N of intervals."""
         return len(self.edges) - 1
 
-    @property
+    @cached_property
     def steps(self) -> np.ndarray:
-        """(N,) lengths of the intervals."""
-        return np.diff(self.edges)
+        """(N,) lengths of the intervals; equal to the last bit on an equally spaced grid."""
+        return lengths(self.edges)
+
+    @cached_property
+    def elapsed(self) -> np.ndarray:
+        """(N+1,) times since the start, which keep their digits wherever time is counted from."""
+        return elapsed(self.edges)
 
     @property
     def midpoints(self) -> np.ndarray:
@@ -204,6 +231,13 @@ class SchedulingProblem:
             else:
                 upper[:, j] = [sensor.available(a, b) for a, b in zip(self.edges[:-1], self.edges[1:], strict=True)]
         return upper
+
+    def with_edges(self, extra: Sequence[tuple[float, str]]) -> SchedulingProblem:
+        """The same problem with further edges, each (time, why); `added_edges` lists them with those known before."""
+        edges = np.union1d(self.edges, [t for t, _ in extra])
+        found = replace(self, edges=edges)
+        object.__setattr__(found, "added_edges", tuple(sorted({*self.added_edges, *extra, *found.added_edges})))
+        return found
 
     def require_feasible(self) -> None:
         """Raise InfeasibleError, with the time, where fewer than `select` places can be filled."""
@@ -224,4 +258,4 @@ class SchedulingProblem:
 
 def uniform_edges(start: float, end: float, intervals: int) -> np.ndarray:
     """(intervals+1,) equally spaced edges."""
-    return np.linspace(start, end, intervals + 1)
+    return np.append(start + np.linspace(0.0, end - start, intervals + 1)[:-1], end)

@@ -42,6 +42,10 @@ class AthansResult(ResultData):
     discretisation_error : estimated |J(h) - J(0)|
     relaxed_cost, relaxed_lower_bound : of the convex relaxation
     singular_fraction : share of the horizon on singular arcs of the relaxed optimum
+    intervals, integration_steps : how many intervals one can choose on, and steps in all of them
+    integration_error : estimated error of `cost` against continuous time
+    added_edges : [{t, why}] edges that are not in the file
+    warnings : what the file leaves to be thought over
     switches : inner edges at which the set of sensors changes
     sweeps : what the relaxation needed, by name
     extra : what one method alone has to say (polish_rounds, end, collocation_cost)
@@ -62,6 +66,11 @@ class AthansResult(ResultData):
     relaxed_cost: float
     relaxed_lower_bound: float
     singular_fraction: float
+    intervals: int
+    integration_steps: int
+    integration_error: float
+    added_edges: list[dict[str, Any]]
+    warnings: list[str]
     switches: int
     sweeps: Mapping[str, int]
     extra: Mapping[str, Any]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
+from occontrol.core.clock import tolerance
 from occontrol.core.errors import Path, ProblemError
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal, Signal
+from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.methods import METHODS
 from occontrol.families.athans.problem import SchedulingProblem, uniform_edges
 from occontrol.files.schema.common import (
@@ -36,6 +39,12 @@ class Horizon(Strict):
     intervals: Whole | None = None
     edges: list[float] | None = None
     predict_at: float | None = None
+    accuracy: float | None = Field(None, description="accuracy: relative, of the cost against continuous time")
+    substeps: Whole | None = Field(None, description="substeps: equal steps of integration on every interval")
+    windows: Literal["edges", "cover"] = Field(
+        "edges", description="windows: edges (their ends become edges) or cover (only intervals that they cover)"
+    )
+    refine: bool = Field(True, description="refine: whether intervals that one choice spoils may be cut")
 
 
 class Initial(Strict):
@@ -119,6 +128,7 @@ def build(document: Document, context: Context) -> SchedulingProblem:
         select=document.select,
         method=method,
         expect=expect,
+        integration=Integration(**{f.name: getattr(document.horizon, f.name) for f in fields(Integration)}),
     )
     if edges is None:
         found.mistakes[known:] = [m for m in found.mistakes[known:] if m.path[:1] != ("horizon",)]
@@ -146,7 +156,7 @@ def _edges(horizon: Horizon, context: Context) -> Any:
         if horizon.intervals is not None:
             wrong(("horizon", "intervals"), "horizon has both 'edges' and 'intervals'", "give one of them", True)
         for key, value, edge in (("start", horizon.start, edges[0]), ("end", horizon.end, edges[-1])):
-            if value is not None and abs(value - edge) > 1e-9 * max(1.0, abs(edge)):
+            if value is not None and abs(value - edge) > tolerance(edges[-1] - edges[0], edge):
                 wrong(("horizon", key), f"horizon.{key} is {value:g}, but the edges {key} at {edge:g}", "leave it out")
         return edges if len(context.found.mistakes) == before else None
     start = 0.0 if horizon.start is None else horizon.start
@@ -229,7 +239,7 @@ def _sensor(entry: SensorEntry | str, j: int, states: int, context: Context) -> 
 def document(problem: SchedulingProblem) -> dict[str, Any]:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
     plant = problem.plant
-    horizon = {"edges": problem.edges.tolist(), "predict_at": problem.predict_at}
+    horizon = {"edges": problem.edges.tolist(), "predict_at": problem.predict_at, **problem.integration.as_dict()}
     result = {
         "family": "athans",
         "name": problem.name,

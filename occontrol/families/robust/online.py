@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occontrol.core.clock import tolerance
 from occontrol.core.errors import UsageError, suggest
 from occontrol.core.measurement import Step
 from occontrol.families.robust.game import center_weight
@@ -144,7 +145,7 @@ class OnlineSwitching:
         Returns the set at `until`. Raises UsageError outside the slot, SolveFailed when the set becomes unbounded.
         """
         end = self.slot_end if until is None else float(until)
-        slack = 1e-9 * max(1.0, abs(self.slot_end))
+        slack = tolerance(self.slot_end - self.states.time, self.slot_end)
         if self.sensor is None:
             raise UsageError("the horizon is over")
         if not self.states.time < end <= self.slot_end + slack:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
+from occontrol.core.clock import tolerance
 from occontrol.core.errors import Path
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal
@@ -153,7 +154,7 @@ def _switching(horizon: Horizon, start: float, context: Context) -> Any:
     if last <= start:
         wrong(("horizon", "switch_times"), f"the horizon ends at {last:g}, which is not after its start {start:g}")
         return None
-    slack = 1e-9 * max(1.0, abs(start), abs(last))
+    slack = tolerance(last - start, start, last)
     for k, t in enumerate(times):
         if t < start - slack or t > last + slack:
             what = f"the switching time {t:g} lies outside the horizon [{start:g}, {last:g}]"

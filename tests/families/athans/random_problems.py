@@ -6,6 +6,7 @@ import numpy as np
 
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, idle_sensor
+from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.problem import SchedulingProblem
 
 
@@ -52,6 +53,8 @@ def random_problem(
         cost_weight=0.3,
         running=np.eye(states) * 0.2 if running else None,
         select=select,
+        # these problems are about the recursion itself
+        integration=Integration(substeps=1, windows="cover"),
     )
 
 

@@ -9,12 +9,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+import occontrol
 from occontrol.core.schedule import Schedule
 from occontrol.families.athans.discretise import discretise, half_predicts
 from occontrol.families.athans.filter.online import make_plan
 from occontrol.families.athans.filter.predictor import make_predictor
 from occontrol.families.athans.filter.sampled_model import exact_model, split_model
 from occontrol.families.athans.filter.simulate import draw, simulate
+from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.node_path import node_path
 from tests.families.athans.scheduling_cases import cycling, moving
 
@@ -168,10 +170,17 @@ def test_constant_plant_uses_the_matrix_exponential():
 
 def test_the_run_folders_gains_are_the_filters(small_solution):
     """gain_k of arrays.npz, carried over the second half of the interval, is the filter's node-to-node gain."""
-    problem, schedule = small_solution.problem, small_solution.schedule
+    planned = make_plan(exact_model(small_solution.problem, small_solution.schedule))
+    for stored, gain in zip(small_solution.arrays["gain"], planned.gain, strict=True):
+        np.testing.assert_allclose(stored[:, : gain.shape[1]], gain, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(small_solution.arrays["filter_covariance"], planned.covariance, rtol=1e-10)
+    # with one step of integration an interval the split filter is the matched one
+    one = Integration(substeps=1, windows="cover")
+    solution = occontrol.solve(replace(small_solution.problem, integration=one))
+    problem, schedule = solution.problem, solution.schedule
     model = split_model(problem, schedule)
     plan, halves = make_plan(model), half_predicts(problem)
-    stored, checked = small_solution.arrays["gain"], 0
+    stored, checked = solution.arrays["gain"], 0
     for k in range(problem.intervals):
         m = len(model.offset[k])
         wanted = halves.transition[halves.index[2 * k + 1]] @ stored[k, :, :m]

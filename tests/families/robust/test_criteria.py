@@ -5,10 +5,11 @@ import pytest
 
 from occontrol.core.monitor import Monitor
 from occontrol.families.robust import bound as bounds
-from occontrol.families.robust.bound import ExactSweep, relaxed_policy, shares
+from occontrol.families.robust.bound import ExactSweep, relaxed_policy, shares, walk
 from occontrol.families.robust.criteria import Smoothed, Supported
 from occontrol.families.robust.ellipsoid_size import Size
-from occontrol.families.robust.search import search
+from occontrol.families.robust.search import _Layer, _refine, search
+from occontrol.families.robust.tails import _child
 from tests.families.robust.test_search import random_problem
 
 SIZES = [{"trace": 1.0}, {"volume": 1.0}, {"longest-axis": 1.0}, {"trace": 0.5, "volume": 0.2, "longest-axis": 1.0}]
@@ -83,3 +84,24 @@ def test_an_interruption_reaches_the_relaxation(monkeypatch):
     assert search(table, monitor=monitor).limit == "interrupted"
     assert len(calls) - before <= 3  # one look each, no iteration
     assert monitor.history and all(record["stage"] == "" for record in monitor.history)
+
+
+def test_an_interruption_reaches_later_planes_and_tails(monkeypatch):
+    table, _, _ = random_problem(np.random.default_rng(8), 6, (3,), (3,))
+    v, calls, real = shares(table).uniform(), [], ExactSweep.cost_and_gradient
+    monkeypatch.setattr(ExactSweep, "cost_and_gradient", lambda self, w: (calls.append(1), real(self, w))[1])
+    N = walk(table, v, table.start).ordinary
+    layer = _Layer(N[2][None], np.zeros(1), np.zeros(1), np.zeros((1, 2), dtype=np.int16))
+    parent = bounds.Plane(np.zeros(7), np.zeros((7, *table.start.shape)))
+
+    class Parent:
+        choices, weights, planes, bound = (), v, (parent,), -np.inf
+
+    for work in (lambda m: _refine(table, layer, v, 2, m), lambda m: _child(table, Parent, 0, 1, m)):
+        counts = []
+        for monitor in (Monitor(), Monitor(interrupted=2)):
+            calls.clear()
+            work(monitor)
+            counts.append(len(calls))
+            assert not monitor.history
+        assert counts[0] > 3 and counts[1] == 1, counts

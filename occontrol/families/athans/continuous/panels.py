@@ -11,13 +11,15 @@ from functools import cached_property
 
 import numpy as np
 
+from occontrol.core.clock import elapsed, nearest_edge
 from occontrol.core.errors import SolveFailed
 from occontrol.core.schedule import Schedule
+from occontrol.core.signal import Signal
+from occontrol.families.athans.integration.features import features
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.gauss import gauss_nodes, legendre_coefficients, legendre_powers, tail
 from occontrol.numerics.riccati_flow import balancing, fractional, hamiltonian_matrices, norms, transitions
 
-SNAP = 1e-9
 SMALLEST = 1e-13
 MOST_PANELS = 1_000_000
 SAME_BITS = 36
@@ -68,20 +70,24 @@ class PolicyData:
     Parameters
     ----------
     problem : SchedulingProblem
-    edges : (K+1,) of the policy;  weights : (K, M) in the problem's order of sensors
+    edges : (K+1,) of the policy, counted from the origin, as all times here
+    weights : (K, M) in the problem's order of sensors
     scale : (n,) d
+    origin : time at which the horizon starts
     """
 
     problem: SchedulingProblem
     edges: np.ndarray
     weights: np.ndarray
     scale: np.ndarray
+    origin: float
 
     @classmethod
     def of(cls, problem: SchedulingProblem, schedule: Schedule) -> PolicyData:
         """Columns in the problem's order; the scale from the largest data along the policy."""
         order = [schedule.names.index(name) for name in problem.sensors.names]
-        plain = cls(problem, schedule.edges, schedule.weights[:, order], np.ones(problem.states))
+        edges, origin = elapsed(schedule.edges), float(schedule.edges[0])
+        plain = cls(problem, edges, schedule.weights[:, order], np.ones(problem.states), origin)
         # every sensor counts with the largest weight that it has anywhere, and a little if it is never used: a state
         # that seems unmeasured where the data is probed would be scaled by far too much
         weights = np.maximum(np.max(plain.weights, axis=0), LEAST_WEIGHT)
@@ -100,16 +106,21 @@ class PolicyData:
     def breaks(self) -> Panels:
         """One panel between any two neighbouring breaks."""
         start, end = self.edges[0], self.edges[-1]
-        slack = SNAP * max(abs(start), abs(end), end - start)
         inner = [s.breakpoints for s in self.problem.signals.values()]
         inner += [np.ravel(np.asarray(s.windows)) for s in self.problem.sensors if s.windows]
+        # what a formula does between the nodes would be missed: Gauss points are few
+        signals = [s for s in self.problem.signals.values() if s.shape[0]]
+        inner += [self.origin + features(s, self.origin, float(end)) for s in signals]
         candidates = np.unique(np.concatenate([*inner, np.empty(0)]))
-        candidates = candidates[(candidates > start) & (candidates < end)]
-        nearest = np.clip(np.searchsorted(self.edges, candidates), 1, len(self.edges) - 1)
-        distance = np.minimum(candidates - self.edges[nearest - 1], self.edges[nearest] - candidates)
-        points = np.unique(np.concatenate([self.edges, candidates[distance > slack]]))
+        _, same = nearest_edge(candidates, self.origin + self.edges)
+        candidates = candidates[~same] - self.origin
+        points = np.unique(np.concatenate([self.edges, candidates[(candidates > start) & (candidates < end)]]))
         middles = (points[1:] + points[:-1]) / 2
         return Panels(points[:-1], np.diff(points), np.searchsorted(self.edges, middles) - 1)
+
+    def sampled(self, signal: Signal, times: np.ndarray) -> np.ndarray:
+        """(K, rows, columns) a signal at `times` (K,) counted from the origin."""
+        return signal.sample(times + self.origin)
 
     @cached_property
     def fixed(self) -> dict[int, np.ndarray]:
@@ -122,15 +133,15 @@ class PolicyData:
         sensor = self.problem.sensors[j]
         if sensor.is_idle:
             return np.zeros((len(times), 0, len(self.scale)))
-        root = np.linalg.cholesky(sensor.noise.sample(times[:1] if sensor.noise.constant else times))
-        return np.linalg.inv(root) @ (sensor.C.sample(times) * self.scale)
+        root = np.linalg.cholesky(self.sampled(sensor.noise, times[:1] if sensor.noise.constant else times))
+        return np.linalg.inv(root) @ (self.sampled(sensor.C, times) * self.scale)
 
     def matrices(self, panels: Panels) -> np.ndarray:
         """The Hamiltonian matrices at the nodes (P, NODES, 2n, 2n); (P, 1, 2n, 2n) for constant data."""
         times = panels.node_times[:, :1] if self.constant else panels.node_times
         n, plant, d = len(self.scale), self.problem.plant, self.scale
-        A = plant.A.sample(times.ravel()).reshape(*times.shape, n, n) * (d / d[:, None])
-        noise = plant.noise.sample(times.ravel()).reshape(*times.shape, n, n) / (d * d[:, None])
+        A = self.sampled(plant.A, times.ravel()).reshape(*times.shape, n, n) * (d / d[:, None])
+        noise = self.sampled(plant.noise, times.ravel()).reshape(*times.shape, n, n) / (d * d[:, None])
         information = np.zeros((*times.shape, n, n))
         for j in range(len(self.problem.sensors)):
             weight = self.weights[panels.interval, j]
@@ -179,18 +190,18 @@ class PolicyData:
 
     def cost_rates(self, times: np.ndarray) -> np.ndarray:
         """q_j at `times`, (..., M)."""
-        rates = [s.cost.sample(times.ravel()).reshape(times.shape) for s in self.problem.sensors]
+        rates = [self.sampled(s.cost, times.ravel()).reshape(times.shape) for s in self.problem.sensors]
         return np.stack(rates, axis=-1)
 
     def running(self, times: np.ndarray) -> np.ndarray:
         """R at `times`, (..., n, n)."""
         n, d = len(self.scale), self.scale
         assert self.problem.running is not None
-        return self.problem.running.sample(times.ravel()).reshape(*times.shape, n, n) * (d * d[:, None])
+        return self.sampled(self.problem.running, times.ravel()).reshape(*times.shape, n, n) * (d * d[:, None])
 
     def room(self, panels: Panels) -> np.ndarray:
         """(P, M) largest weights in continuous time: 1 inside the windows, `select` for idle, or the policy's own."""
-        middles = panels.starts + panels.lengths / 2
+        middles = self.origin + panels.starts + panels.lengths / 2
         room = np.ones((len(panels), len(self.problem.sensors)))
         for j, sensor in enumerate(self.problem.sensors):
             if sensor.is_idle:
@@ -255,8 +266,8 @@ class PolicyData:
     def prediction(self, rtol: float) -> tuple[np.ndarray, float]:
         """D Phi(Tp, T) (p, n), balanced, and tr(D int Phi(Tp, t) Xi Phi(Tp, t)' dt D') over (T, Tp]."""
         problem = self.problem
-        end, predict_at = float(self.edges[-1]), float(problem.predict_at or 0.0)
-        output, gathered = problem.output.at(predict_at) * self.scale, 0.0
+        end, predict_at = float(self.edges[-1]), float(problem.predict_at or 0.0) - self.origin
+        output, gathered = problem.output.at(float(problem.predict_at or 0.0)) * self.scale, 0.0
         if predict_at > end:
             nothing = np.zeros((1, self.weights.shape[1]))
             after = replace(self, edges=np.array([end, predict_at]), weights=nothing)

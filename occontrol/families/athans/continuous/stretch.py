@@ -110,7 +110,8 @@ class Stretch:
         step = transitions(H)[which]
         sizes = np.sum(norms(H), axis=1)[which]
         # inside a stiff transient a running cost needs the covariance of every panel from its own start
-        place = grouped(sizes, GROUP if data.problem.running is None else 0.0)
+        # (none: a sum below zero, which even panels of size zero do not reach)
+        place = grouped(sizes, GROUP if data.problem.running is None else -1.0)
         begun = np.empty_like(step)
         begun[place == 0] = np.eye(step.shape[-1])
         for k in range(1, int(np.max(place)) + 1):

@@ -21,7 +21,7 @@ def filter_gains(problem: SchedulingProblem, weights: np.ndarray, path: Path) ->
     ----------
     problem : SchedulingProblem
     weights : (N, M)
-    path : Path along them
+    path : Path along them; without `updated` there is no gain of the samples (see planned.py)
 
     Returns {"gain": (N, n, m), "continuous_gain": (N+1, n, m)}, m the largest number of rows in use, padded with zeros;
     empty when they would take more than MAX_BYTES. The node at the end of interval N-1 uses that interval's sensors.
@@ -39,16 +39,15 @@ def filter_gains(problem: SchedulingProblem, weights: np.ndarray, path: Path) ->
         at = np.flatnonzero(used[:, j])
         if not sensor.rows or not len(at):
             continue
-        for times, covariance, target, where, scale in (
-            (problem.midpoints[at], path.updated[at], gain, at, steps[at]),
-            (problem.edges[at], path.covariance[at], continuous, at, np.ones(len(at))),
-        ):
-            _place(sensor, times, covariance, target, where, column[at, j], weights[at, j] * scale)
+        if len(path.updated):
+            scale = weights[at, j] * steps[at]
+            _place(sensor, problem.midpoints[at], path.updated[at], gain, at, column[at, j], scale)
+        _place(sensor, problem.edges[at], path.covariance[at], continuous, at, column[at, j], weights[at, j])
         if used[N - 1, j]:
             last = np.array([N - 1])
             end = problem.edges[-1:]
             _place(sensor, end, path.covariance[N:], continuous, last + 1, column[last, j], weights[last, j])
-    return {"gain": gain, "continuous_gain": continuous}
+    return {"gain": gain, "continuous_gain": continuous} if len(path.updated) else {"continuous_gain": continuous}
 
 
 def _place(sensor, times, covariance, target, where, columns, scale) -> None:

@@ -1,0 +1,161 @@
+"""Edges added where one choice an interval spoils the bound in continuous time, a diffuse start above all.
+
+    delta_i = min_w w.g_i - sum over the steps of interval i of min_w w.g_step
+
+is what the continuous bound loses on interval i to the grid of decisions. Where the sum of these and the policy's own
+excess exceeds TOP of the cost, the worst intervals are cut at steps of the mesh, and the relaxation goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.monitor import Monitor
+from occontrol.families.athans.discretise import feasible_set
+from occontrol.families.athans.found import BESIDE
+from occontrol.families.athans.integration.folded import Extrapolated
+from occontrol.families.athans.integration.integrator import Integrator
+from occontrol.families.athans.integration.priced import PricedSweep
+from occontrol.families.athans.integration.relaxed import interval_loss, relax
+from occontrol.families.athans.methods import Collocation
+from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.scheduling.relaxation import RelaxedOptions
+from occontrol.scheduling.sweep import Sweep
+
+TOP = 0.01  # of the cost: the gap at the top above which edges are added
+WANTED = 0.001  # of the cost: the gap at the top that is then aimed at
+PARTS = 4
+SMALLEST = 1e-6  # share of an interval that is worth an edge
+ROUNDS = 8
+MOST = 120  # edges, beside a quarter of the intervals
+WHY = "one choice would spoil this interval"
+
+
+def search_space(problem: SchedulingProblem, method: Any, monitor: Monitor) -> tuple[Integrator, Sweep]:
+    """What a method searches on: the problem's edges with those that were added, and the sweep with the relaxation.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    method : of the family
+    monitor : Monitor
+    """
+    if isinstance(method, Collocation):  # it relaxes for itself
+        integrator = Integrator(problem, method.relative_gap)
+        return integrator, integrator.sweep
+    monitor.stage = "relaxation"
+    limits = RelaxedOptions(method.relative_gap, getattr(method, "max_iterations", BESIDE))
+    return relax_and_refine(problem, limits, monitor)
+
+
+def relax_and_refine(
+    problem: SchedulingProblem, limits: RelaxedOptions, monitor: Monitor, refine: bool = True
+) -> tuple[Integrator, PricedSweep]:
+    """The relaxation of a problem, on further edges where the file lets them be added and they are needed.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    limits : of the relaxation
+    monitor : Monitor
+    refine : False adds no edge whatever the problem says
+
+    Returns the Integrator of the problem with its edges, and the relaxation as a PricedSweep.
+    """
+    integrator = Integrator(problem, limits.relative_gap)
+    found = relax(integrator, limits, monitor)
+    room, top = problem.intervals // 4 + MOST, TOP
+    for _ in range(ROUNDS if refine and problem.integration.refine and problem.integration.substeps is None else 0):
+        if monitor.stop or room <= 0 or not np.isfinite(found.outcome.cost):
+            break
+        extra, parent = _cuts(problem, integrator, found, room, top)
+        if not len(extra):
+            break
+        room, top = room - len(extra), WANTED
+        problem = problem.with_edges([(float(t), WHY) for t in extra])
+        integrator = Integrator(problem, limits.relative_gap)
+        # the gap itself is needed once the edges are known
+        rough = replace(limits, relative_gap=max(WANTED, limits.relative_gap))
+        found = relax(integrator, rough, monitor, found.outcome.weights[parent])
+    if top < TOP and room > 0 and not monitor.stop:
+        extra, start = _shared(problem, found, room)
+        if len(extra):
+            problem = problem.with_edges([(float(t), WHY) for t in extra])
+            integrator = Integrator(problem, limits.relative_gap)
+        found = relax(integrator, limits, monitor, start)
+    elif top < TOP:
+        found = relax(integrator, limits, monitor, found.outcome.weights)
+    return integrator, found
+
+
+def _cuts(
+    problem: SchedulingProblem, integrator: Integrator, found: PricedSweep, room: int, top: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times (K,) at which intervals are to be cut, and the interval (N+K,) that each new one comes from."""
+    v, cost = found.outcome.weights, abs(found.outcome.cost)
+    on = found.on
+    if on is None:
+        on = integrator.extrapolated(integrator.first)
+    if not isinstance(on, Extrapolated):
+        return np.empty(0), np.empty(0)
+    J, g = on.cost_and_gradient(v)
+    allowed = feasible_set(problem)
+    loss, own = interval_loss(on, allowed), J - allowed.bound(J, v, g)
+    # an interval that is full of steps and still inaccurate is spoilt as well, once edges are added at all
+    coarse = integrator.unresolved(on, v)
+    if not np.sum(loss) + own > top * cost and not (top < TOP and np.any(coarse)):
+        return np.empty(0), np.empty(0)
+    order = np.argsort(-loss, kind="stable")
+    below = np.sum(loss) - np.cumsum(loss[order]) <= 0.5 * WANTED * cost
+    count = int(np.argmax(below)) + 1 if np.any(below) else len(order)
+    order = np.concatenate([order[:count], np.setdiff1d(np.flatnonzero(coarse), order[:count])])
+    return _cut_at_steps(problem, integrator, on, [i for i in order if loss[i] > 0 or coarse[i]], room)
+
+
+def _shared(problem: SchedulingProblem, found: PricedSweep, room: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times that part shared intervals between their sensors, and the policy (N+K, M) that does so.
+
+    A schedule can only switch at edges, and a share of 1e-3 of an interval cannot be rounded: so the interval gives it
+    a piece of its own at its end.
+    """
+    v = found.outcome.weights
+    whole = np.round(v)
+    share = np.max(np.abs(v - whole), axis=1)
+    dear = share * np.max(np.abs(found.outcome.gradient), axis=1)
+    same = np.sum(whole, axis=1) == np.round(np.sum(v, axis=1))
+    order = [i for i in np.argsort(-dear, kind="stable") if SMALLEST < share[i] < 1 - SMALLEST and same[i]][:room]
+    pieces, times = [], []
+    for i in range(len(v)):
+        if i not in order:
+            pieces.append(v[i])
+            continue
+        times.append(float(problem.edges[i + 1] - share[i] * problem.steps[i]))
+        rest = np.maximum(v[i] - (1 - share[i]) * whole[i], 0.0)
+        pieces += [whole[i], rest * (np.sum(v[i]) / np.sum(rest))]
+    return np.array(times), np.array(pieces)
+
+
+def _cut_at_steps(
+    problem: SchedulingProblem, integrator: Integrator, on: Extrapolated, order: Sequence[int], room: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """At most `room` times at which the intervals of `order` are cut, and the interval each new one comes from."""
+    mesh = on.half.mesh
+    starts, owner = integrator.spans.origin + mesh.starts, mesh.owner
+    times: list[float] = []
+    for i in order:
+        inner = starts[owner == i][1:]
+        parts = min(PARTS, len(inner) + 1, room - len(times) + 1)
+        if parts < 2:
+            continue
+        at = np.unique(np.round(np.arange(1, parts) * (len(inner) + 1) / parts).astype(int)) - 1
+        times += [float(t) for t in inner[np.clip(at, 0, len(inner) - 1)]]
+    extra = np.array(sorted(set(times)))
+    edges = np.sort(np.concatenate([problem.edges, extra]))
+    edges = edges[np.append(True, np.diff(edges) > 16 * np.spacing(np.max(np.abs(edges))))]
+    extra = np.setdiff1d(edges, problem.edges)
+    middle = (edges[1:] + edges[:-1]) / 2
+    return extra, np.searchsorted(problem.edges, middle, side="right") - 1

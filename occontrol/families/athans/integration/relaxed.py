@@ -1,0 +1,139 @@
+"""The relaxation on finer steps than decisions: corrected prices on the recursion with one step an interval.
+
+    price_kj += dJ/dv_kj - dJ_one/dv_kj   at the last policy
+
+A linear term is added, so the corrected problem is convex, and everything that needs one step an interval (exact single
+exchanges above all) works on it as it is. At a fixed point its gradient is that of J. Every round is judged by the
+policy's own bound under J; where rounds gain too little, J itself is minimised.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from occontrol.core.monitor import Monitor
+from occontrol.core.solution import Status
+from occontrol.families.athans.discretise import feasible_set
+from occontrol.families.athans.integration.folded import Extrapolated, Folded
+from occontrol.families.athans.integration.integrator import Integrator
+from occontrol.families.athans.integration.priced import Judged, PricedSweep
+from occontrol.scheduling.feasible_set import IntervalPolytopes
+from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, minimise_relaxed
+from occontrol.scheduling.sweep import Sweep
+
+ROUNDS = 8
+INNER = 0.6  # of the gap: what the corrected problem is solved to
+OWN = 2  # times the sweeps that a mixture of cuts would have taken: by those the shaken polish is budgeted
+SLOW = 0.5  # a round that leaves more than this share of the excess is too slow
+ROUGH = 10.0  # times the gap: where the recursion with one step an interval only shows the way
+FAR = 0.3  # one step an interval is that far off: its optimum is no place to start from
+
+
+def relax(
+    integrator: Integrator, limits: RelaxedOptions, monitor: Monitor, start: np.ndarray | None = None
+) -> PricedSweep:
+    """Minimise J over the relaxed policies to a relative gap.
+
+    Parameters
+    ----------
+    integrator : Integrator of the problem
+    limits : RelaxedOptions, of which relative_gap and max_iterations count
+    monitor : Monitor
+    start : (N, M) policy, or None
+    """
+    base, gap, allowed = integrator.recursion, limits.relative_gap, feasible_set(integrator.problem)
+    sweep = integrator.sweep
+    if integrator.plain:
+        found = minimise_relaxed(sweep, allowed, start, limits, monitor)
+        return PricedSweep(base, base, found, found, None)
+    spent = _Spent()
+    v = start
+    if start is None:
+        v = allowed.uniform()
+        off = _off(integrator, v)
+        if off <= integrator.accuracy:
+            inner = spent.add(minimise_relaxed(sweep, allowed, None, limits, monitor))
+            v = inner.weights
+            if integrator.evaluate(v).on is None:
+                return PricedSweep(base, base, inner, inner, None)
+        elif off <= FAR:
+            rough = replace(limits, relative_gap=ROUGH * gap)
+            v = spent.add(minimise_relaxed(sweep, allowed, None, rough, monitor)).weights
+    mesh = None if integrator.options.substeps else integrator.first
+    last, direct = np.inf, False
+    inner = None
+    for _ in range(ROUNDS):
+        if mesh is None:
+            on: Folded | Extrapolated = integrator.fixed
+            J, g = on.cost_and_gradient(v)
+        else:
+            on, J, g = integrator.refined(v, mesh)
+            mesh = on.mesh
+        own = J - allowed.bound(J, v, g)
+        _, g_one = integrator.sweep.cost_and_gradient(v)
+        sweep = Sweep(replace(base, cost=base.cost + (g - g_one)))
+        status = Status.CERTIFIED if own <= gap * abs(J) else Status.LIMIT
+        monitor.report(spent.iterations, J, J - own)
+        if status is Status.CERTIFIED or monitor.stop or spent.iterations >= limits.max_iterations:
+            break
+        target = INNER * gap * abs(J)
+        left = max(limits.max_iterations - spent.iterations, 1)
+        if direct or own > SLOW * last:
+            objective, watch, direct = Judged(on, base), monitor, True
+        else:
+            objective, watch = sweep, monitor.child(silent=True)
+        options = RelaxedOptions(gap, left, None, target, True)
+        inner = spent.add(minimise_relaxed(objective, allowed, v, options, watch))
+        if inner.stalled and np.array_equal(v, inner.weights):
+            break
+        v, last = inner.weights, own
+    if monitor.interrupted:
+        status = Status.INTERRUPTED
+    J_one, g_one = sweep.cost_and_gradient(v)
+    error = 0.0 if isinstance(on, Folded) else on.error(v)
+    outcome = RelaxedOutcome(v, J, J - own - error, g, spent.iterations, status, spent.sweeps, spent.stalled)
+    bound = allowed.bound(J_one, v, g_one)
+    counted = {name: count // OWN for name, count in spent.sweeps.items()}
+    inner = RelaxedOutcome(v, J_one, bound, g_one, spent.iterations, status, counted)
+    return PricedSweep(sweep.recursion, base, outcome, inner, on)
+
+
+class _Spent:
+    """Iterations and sweeps of several minimisations."""
+
+    def __init__(self) -> None:
+        self.iterations, self.sweeps, self.stalled = 0, {"gradients": 0, "costs": 0}, False
+
+    def add(self, found: RelaxedOutcome) -> RelaxedOutcome:
+        self.iterations += found.iterations
+        self.stalled = found.stalled
+        for name, count in found.sweeps.items():
+            self.sweeps[name] = self.sweeps.get(name, 0) + count
+        return found
+
+
+def _off(integrator: Integrator, v: np.ndarray) -> float:
+    """The relative error of one step an interval on a policy; infinite where the number of steps is stated."""
+    if integrator.options.substeps is not None:
+        return np.inf
+    J = integrator.extrapolated(integrator.first).cost(v)
+    return abs(integrator.sweep.cost(v) - J) / abs(J) if J else 0.0
+
+
+def interval_loss(on: Folded | Extrapolated, allowed: IntervalPolytopes) -> np.ndarray:
+    """(N,) what one choice an interval costs to first order, min w.g_i - sum over its steps of min w.g_step.
+
+    Parameters
+    ----------
+    on : whose gradient was computed last at the policy in question
+    allowed : the set of the weights
+    """
+    folded = on.half if isinstance(on, Extrapolated) else on
+    g = folded.by_step
+    fine = IntervalPolytopes(allowed.upper[folded.mesh.owner], allowed.select)
+    cheapest = np.sum(fine.vertex(g) * g, axis=1)
+    whole = folded.gathered(g)
+    once = np.sum(allowed.vertex(whole) * whole, axis=1)
+    return np.maximum(once - folded.gathered(cheapest), 0.0)
