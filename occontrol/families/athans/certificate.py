@@ -19,28 +19,11 @@ from occontrol.core.solution import Certificate
 from occontrol.families.athans.continuous.reintegration import ContinuousCheck, reintegrate
 from occontrol.families.athans.discretise import discretise
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.polytope import excess
 from occontrol.scheduling.sweep import Sweep
 
 SAFETY = 5.0
 FEW = 512  # intervals
 RELATIVE = 1e-6
-
-
-def policy_certificate(sweep: Sweep, weights: np.ndarray, known_bound: float = -np.inf) -> Certificate:
-    """Cost of a policy and the better of its own lower bound and one known already.
-
-    Parameters
-    ----------
-    sweep : Sweep
-    weights : (N, M) policy in V
-    known_bound : a proven lower bound of the same recursion, if any
-    """
-    r = sweep.recursion
-    J, g = sweep.cost_and_gradient(weights)
-    own = J - float(np.sum(excess(weights, g, r.upper, r.select)))
-    # no cost is negative (q, R and W are not); a bound may exceed the cost by rounding only
-    return Certificate(J, min(max(own, known_bound, 0.0), J))
 
 
 def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: float) -> float:
@@ -124,7 +107,8 @@ def judge(problem: SchedulingProblem, weights: np.ndarray, cost: float, relaxed:
         bound = max(bound, reintegrate(problem, Schedule(problem.edges, relaxed, names)).lower_bound)
     error = discretisation_error(problem, weights, cost)
     allowed = SAFETY * error + RELATIVE * abs(cost) + check.error
-    return Judgement(check, max(bound, 0.0), error, bool(abs(check.cost - cost) <= allowed))
+    floor = 0.0 if check.cost >= 0 else -np.inf  # a running weight may be slightly below zero
+    return Judgement(check, max(bound, floor), error, bool(abs(check.cost - cost) <= allowed))
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,7 @@ def solve(problem: SchedulingProblem, method: Any = None, monitor: Monitor | Non
     Returns a Solution whose status is certified, feasible, limit, interrupted or disagrees.
     Raises InfeasibleError when some interval cannot be filled, SolveFailed when nothing usable was found.
     """
+    from occontrol.families.athans.balanced import balanced, restored
     from occontrol.families.athans.discretise import discretise, half_predicts
     from occontrol.families.athans.result import assemble
     from occontrol.families.athans.run_method import run_method
@@ -62,10 +63,11 @@ def solve(problem: SchedulingProblem, method: Any = None, monitor: Monitor | Non
     started = time.perf_counter()
     if monitor.time_limit is None and getattr(method, "time_limit", None) is not None:
         monitor.time_limit = monitor.seconds + method.time_limit
-    halves = half_predicts(problem)
-    sweep = Sweep(discretise(problem, halves))
-    found = run_method(problem, method, sweep, monitor)
-    return assemble(problem, method.name, sweep, halves, found, monitor, started)
+    inner, units = balanced(problem)
+    halves = half_predicts(inner)
+    sweep = Sweep(discretise(inner, halves))
+    found = run_method(inner, method, sweep, monitor)
+    return restored(assemble(inner, method.name, sweep, halves, found, monitor, started), problem, units)
 
 
 def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | None = None) -> Solution:
@@ -79,6 +81,7 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
 
     Returns a Solution with method "certify"; the bound is the better of the schedule's own and a relaxation's.
     """
+    from occontrol.families.athans.balanced import balanced, restored
     from occontrol.families.athans.certificate import false_claims
     from occontrol.families.athans.discretise import discretise, half_predicts
     from occontrol.families.athans.result import assemble
@@ -90,12 +93,13 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     monitor = Monitor()
     problem, weights = on_common_grid(problem, schedule)
     problem.require_feasible()
-    halves = half_predicts(problem)
-    sweep = Sweep(discretise(problem, halves))
+    inner, units = balanced(problem)
+    halves = half_predicts(inner)
+    sweep = Sweep(discretise(inner, halves))
     gap = getattr(problem.method, "relative_gap", 1e-4)
     relaxed = minimise_relaxed(sweep, None, RelaxedOptions(gap), monitor)
     found = Found(weights, relaxed.iterations, relaxed.status, "", relaxed, target=gap)
-    solution = assemble(problem, "certify", sweep, halves, found, monitor, started)
+    solution = restored(assemble(inner, "certify", sweep, halves, found, monitor, started), problem, units)
     if claims is not None and solution.certificate is not None:
         lowest = min(relaxed.cost, solution.certificate.cost)
         continuous = solution.result["continuous"]["cost"]

@@ -10,12 +10,13 @@ import numpy as np
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status
-from occontrol.families.athans.certificate import judge, policy_certificate
+from occontrol.families.athans.certificate import judge
 from occontrol.families.athans.discretise import HalfPredicts, prediction_weight
 from occontrol.families.athans.filter.gains import filter_gains
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.run_method import Found
 from occontrol.scheduling.hminimal import polish
+from occontrol.scheduling.proof import prove
 from occontrol.scheduling.rounding import singular_intervals, sum_up_rounding
 from occontrol.scheduling.sweep import Sweep, node_path
 
@@ -43,14 +44,16 @@ def assemble(
     r, v = sweep.recursion, found.weights
     relaxed = found.relaxed
     known = max(found.bound, relaxed.lower_bound if relaxed is not None else -np.inf)
-    certificate = policy_certificate(sweep, v, known)
+    proof = prove(sweep, v, known, relaxed.weights if relaxed is not None else None)
+    certificate = proof.certificate
     monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
     # whoever interrupts waits for one re-integration, not for two
     better = relaxed.weights if relaxed is not None and not monitor.interrupted else None
     judged = judge(problem, v, certificate.cost, better)
     path = node_path(r, halves, v)
     status, message = found.status, found.message
-    if status is Status.CERTIFIED and not found.proves and certificate.relative_gap > found.target:
+    trusted = found.proves and proof.resolved(found.target)
+    if status is Status.CERTIFIED and not trusted and certificate.relative_gap > found.target:
         status = Status.FEASIBLE
     schedule = Schedule(problem.edges, v, tuple(problem.sensors.names))
     singular = _singular_fraction(sweep, relaxed.weights if relaxed is not None else v, v, monitor)
@@ -59,12 +62,13 @@ def assemble(
     continuous = judged.certificate
     if not judged.agrees:
         status, message = Status.DISAGREES, judged.text
-    elif not _adds_up(certificate.cost, observation, error, r.running.shape[0] > 0):
+    elif not _adds_up(certificate.cost + proof.below, observation, error, r.running.shape[0] > 0):
         status, message = Status.DISAGREES, _SPOILT
-    coarse = "" if status is Status.DISAGREES else _coarse(certificate, continuous)
+    remarks = "" if status is Status.DISAGREES else _coarse(certificate, continuous) + proof.remark(found.target)
     result: dict[str, Any] = {
         "name": problem.name,
         **certificate.as_dict(),
+        "allowance": proof.allowance,
         "observation_cost": observation / problem.cost_weight if problem.cost_weight else _raw_cost(problem, v),
         "cost_weight": problem.cost_weight,
         "running_cost": certificate.cost - observation - error,
@@ -97,7 +101,7 @@ def assemble(
         family="athans",
         method=name,
         status=status,
-        message=(message or _message(status, certificate, singular, schedule)) + coarse,
+        message=(message or _message(status, certificate, singular, schedule)) + remarks,
         iterations=found.iterations,
         seconds=time.perf_counter() - started,
         result=result,
