@@ -18,6 +18,7 @@ Source: Osborne (1960), On pre-conditioning of matrices; all states at once, wit
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -38,8 +39,13 @@ def balancing(rate: np.ndarray, driven: np.ndarray, observed: np.ndarray) -> np.
     driven : (n, n) |Xi| times the horizon, plus |Sigma0| where the start counts
     observed : (n, n) information times the horizon, plus the weights of the cost where they count
     """
-    n = len(rate)
-    rate, driven, observed = (np.abs(part) for part in (rate, driven, observed))
+    parts = (np.ascontiguousarray(np.abs(part), dtype=float) for part in (rate, driven, observed))
+    return _balancing(len(rate), *(part.tobytes() for part in parts)).copy()
+
+
+@lru_cache(maxsize=32)  # one solve asks for the same plant several times
+def _balancing(n: int, *stored: bytes) -> np.ndarray:
+    rate, driven, observed = (np.frombuffer(part).reshape(n, n) for part in stored)
     if not all(np.all(np.isfinite(part)) for part in (rate, driven, observed)):
         return np.ones(n)
     rate = np.where(np.eye(n, dtype=bool), 0.0, rate)

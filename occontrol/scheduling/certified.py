@@ -1,9 +1,10 @@
 """Cost, gradient and lower bound of a finished policy in square-root form, and how far rounding may have moved them.
 
 The sweeps of the solvers carry the covariance itself and lose digits where a plant grows far between measurements or
-the prior is huge. One pass over the final policy with roots (square_root_kernels.py) loses none of its own; what is left is
-what the last digit of the data does. That is measured: the pass is repeated with every number moved by at most one unit
-in its last place and the root of the start turned at random, and
+the prior is huge. One pass over the final policy with roots (square_root_kernels.py) loses none of its own; what is
+left is what the last digit of the data does. That is measured: the pass is repeated with every number moved by at most
+one unit in its last place (those of F and Q by more where a span is long, as an exponential loses digits by its
+argument) and the root of the start turned at random, and
 
     allowance = 10 x the largest change of cost or bound      + 1e-9 |J| where lambda_max(Sigma0 L) T > 1e12.
 
@@ -12,7 +13,7 @@ The second term is there because with such a prior errors were seen that are 120
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from occontrol.scheduling.square_root_kernels import backward, charge, forward, 
 
 REPEATS = 3
 FACTOR = 10.0
+EXPONENT = 4.0  # digits, in units of the last place, that F loses for each e by which it stretches
 DIFFUSE, DIFFUSE_SHARE = 1e12, 1e-9
 BYTES = 500_000_000
 ULP = np.finfo(float).eps
@@ -41,6 +43,7 @@ class Roots:
     terminal : (n, n) V with V' V = W
     running, negative : (V, n, n) with R = running' running - negative' negative; the second is empty unless R is
         slightly below zero
+    doubt : (U, 1, 1) units in the last place by which F and Q may be off
     """
 
     recursion: Recursion
@@ -51,29 +54,44 @@ class Roots:
     terminal: np.ndarray
     running: np.ndarray
     negative: np.ndarray
+    doubt: np.ndarray
 
     @classmethod
     def of(cls, recursion: Recursion) -> Roots:
         """The roots of a recursion's matrices."""
-        r, n = recursion, recursion.states
-        empty = np.zeros((0, n, n))
-        above, below = (_turned(square_root(part)) for part in _signed(r.running)) if len(r.running) else (empty, empty)
+        r = recursion
+        return cls._taken(r, r.initial, r.transition, r.noise, r.rows, r.terminal, r.running, _doubt(r.transition))
+
+    @classmethod
+    def _taken(cls, recursion: Recursion, initial, transition, noise, rows, terminal, running, doubt) -> Roots:
+        """The roots of these matrices in place of the recursion's own."""
+        above = below = np.zeros((0, *initial.shape))
+        if len(running):
+            above, below = (_turned(square_root(part)) for part in _signed(running))
         return cls(
-            r, square_root(r.initial), r.transition, square_root(r.noise), r.rows, _turned(square_root(r.terminal)),
-            above, below if np.any(below) else empty,
+            recursion, square_root(initial), transition, square_root(noise), rows, _turned(square_root(terminal)),
+            above, below if np.any(below) else below[:0], doubt,
         )  # fmt: skip
 
     def moved(self, rng: np.random.Generator) -> Roots:
-        """The same with every number moved by one unit in the last place or none, and the first root turned."""
+        """The same of matrices with every number moved by a unit in the last place or none; the first root is turned.
 
-        def nudged(matrix: np.ndarray) -> np.ndarray:
-            return matrix * (1.0 + ULP * rng.integers(-1, 2, size=matrix.shape))
+        The matrices are moved, not their roots: a small eigenvalue beside a large one is known less well than its root.
+        """
+        r, d = self.recursion, self.doubt
 
-        turn = np.linalg.qr(rng.standard_normal(self.initial.shape))[0]
-        return Roots(
-            self.recursion, nudged(self.initial) @ turn, nudged(self.transition), nudged(self.noise), nudged(self.rows),
-            nudged(self.terminal), nudged(self.running), nudged(self.negative),
+        def nudged(matrix: np.ndarray, units: np.ndarray | float = 1.0) -> np.ndarray:
+            return matrix * (1.0 + ULP * units * rng.integers(-1, 2, size=matrix.shape))
+
+        def symmetric(matrix: np.ndarray, units: np.ndarray | float = 1.0) -> np.ndarray:
+            upper = np.triu(nudged(matrix, units))
+            return upper + np.swapaxes(np.triu(upper, 1), -1, -2)
+
+        found = self._taken(
+            r, symmetric(r.initial), nudged(r.transition, d), symmetric(r.noise, d), nudged(r.rows),
+            symmetric(r.terminal), symmetric(r.running), d,
         )  # fmt: skip
+        return replace(found, initial=found.initial @ np.linalg.qr(rng.standard_normal(r.initial.shape))[0])
 
 
 def _signed(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -84,6 +102,14 @@ def _signed(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return matrices, np.zeros_like(matrices)
     negative = (vectors * below[:, None, :]) @ np.swapaxes(vectors, 1, 2)
     return matrices + negative, negative
+
+
+def _doubt(transition: np.ndarray) -> np.ndarray:
+    """1 + EXPONENT |log of a stretch of F|, (U, 1, 1)."""
+    stretch = np.linalg.svd(transition, compute_uv=False)
+    with np.errstate(divide="ignore"):
+        logs = np.abs(np.log(stretch[:, [0, -1]]))
+    return (1.0 + EXPONENT * np.max(np.minimum(logs, 100.0), axis=1))[:, None, None]
 
 
 def _turned(matrices: np.ndarray) -> np.ndarray:
@@ -176,14 +202,15 @@ class Certified:
     ----------
     cost : J
     lower_bound : J - sum_k [v_k.g_k - min_w w.g_k], not yet lowered by the allowance
-    allowance : how far rounding may have moved either, in cost units
+    cost_allowance, bound_allowance : how far rounding may have moved them, in cost units
     below : how much of J is owed to a running weight slightly below zero
     convex : whether nothing is; only then gradients of any form bound J from below
     """
 
     cost: float
     lower_bound: float
-    allowance: float
+    cost_allowance: float
+    bound_allowance: float
     below: float
     convex: bool
 
@@ -203,14 +230,13 @@ def certified(recursion: Recursion, weights: np.ndarray, repeats: int = REPEATS,
     """
     roots, rng = Roots.of(recursion), np.random.default_rng(seed)
     cost, own, below = _numbers(roots, weights)
-    change = 0.0
+    change = np.zeros(2)
     for _ in range(repeats):
-        other, bound, _ = _numbers(roots.moved(rng), weights)
-        change = max(change, abs(other - cost), abs(bound - own))
-    allowance = FACTOR * change
-    if diffuseness(recursion) > DIFFUSE:
-        allowance += DIFFUSE_SHARE * abs(cost)
-    return Certified(cost, own, allowance if np.isfinite(allowance) else np.inf, below, not len(roots.negative))
+        other = np.array(_numbers(roots.moved(rng), weights)[:2])
+        change = np.fmax(change, np.abs(other - [cost, own]))
+    extra = DIFFUSE_SHARE * abs(cost) if diffuseness(recursion) > DIFFUSE else 0.0
+    of_cost, of_bound = (FACTOR * float(c) + extra if np.isfinite(c) else np.inf for c in change)
+    return Certified(cost, own, of_cost, max(of_cost, of_bound), below, not len(roots.negative))
 
 
 def _numbers(roots: Roots, weights: np.ndarray) -> tuple[float, float, float]:

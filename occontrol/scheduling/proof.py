@@ -27,7 +27,8 @@ class Proof:
     ----------
     certificate : cost and lower bound, the bound lowered by `allowance`
     allowance : how far rounding may have moved either, in cost units
-    difference : how far the solver's own arithmetic was off on the final policies, in cost units
+    difference : how far the solver's own arithmetic was off: in the costs of the final policies, or by so much of its
+        bound that does not stand, in cost units
     below : how much the cost owes to a running weight slightly below zero, in cost units
     """
 
@@ -67,9 +68,7 @@ class Proof:
         return text
 
 
-def prove(
-    sweep: Sweep, weights: np.ndarray, known_bound: float = -np.inf, relaxed: np.ndarray | None = None
-) -> Proof:
+def prove(sweep: Sweep, weights: np.ndarray, known_bound: float = -np.inf, relaxed: np.ndarray | None = None) -> Proof:
     """Cost of a policy and the best lower bound that is known, in square-root form.
 
     Parameters
@@ -79,24 +78,26 @@ def prove(
     known_bound : a lower bound of the same recursion, if any
     relaxed : (N, M) the relaxed optimum, whose own bound is the tighter one
     """
-    r, final, difference = sweep.recursion, certified(sweep.recursion, weights), 0.0
+    r, final, difference, spread = sweep.recursion, certified(sweep.recursion, weights), 0.0, 0.0
     policies, found = [weights], [final]
     if relaxed is not None and relaxed is not weights:
         policies.append(relaxed)
         found.append(certified(r, relaxed))
     for v, exact in zip(policies, found, strict=True):
         J, g = sweep.cost_and_gradient(v)
+        own = J - float(np.sum(excess(v, g, r.upper, r.select)))
         difference = max(difference, abs(J - exact.cost))
-        if exact.convex:
-            own = J - float(np.sum(excess(v, g, r.upper, r.select)))
-            difference = max(difference, abs(own - exact.lower_bound))
-    difference = difference if np.isfinite(difference) else np.inf
-    allowance = max(exact.allowance for exact in found)
-    bound = max(exact.lower_bound for exact in found)
+        spread = max(spread, abs(own - exact.lower_bound))
+    bounds = [(exact.lower_bound - exact.bound_allowance, exact.bound_allowance) for exact in found]
     if final.convex:
-        mixed = known_bound - MIXED * difference if np.isfinite(difference) else -np.inf
+        own = min(exact.bound_allowance for exact in found)
+        bounds.append((known_bound - MIXED * max(spread, difference) - own, own))
         # no cost is negative, as q, R and W are not
-        bound = max(bound - allowance, mixed - allowance, 0.0)
-    else:
-        bound -= allowance
+        bounds.append((0.0, 0.0))
+    usable = [(bound, own) for bound, own in bounds if np.isfinite(bound)] or [(-np.inf, np.inf)]
+    bound, allowance = max(usable)
+    if final.convex and np.isfinite(known_bound):
+        difference = max(difference, min(known_bound, final.cost) - bound - allowance)
+    difference = difference if np.isfinite(difference) else np.inf
+    allowance = max(allowance, final.cost_allowance)
     return Proof(Certificate(final.cost, min(bound, final.cost)), allowance, difference, final.below)
