@@ -6,9 +6,10 @@ left is what the last digit of the data does. That is measured: the pass is repe
 one unit in its last place (those of F and Q by more where a span is long, as an exponential loses digits by its
 argument) and the root of the start turned at random, and
 
-    allowance = 10 x the largest change of cost or bound      + 1e-9 |J| where lambda_max(Sigma0 L) T > 1e12.
+    allowance = 10 x the largest change + 10 ulp |J|,   with 1e-9 |J| in place of the second where
+                lambda_max(Sigma0 L) T > 1e12.
 
-The second term is there because with such a prior errors were seen that are 120 times the change.
+That term is there because with such a prior errors were seen that are 120 times the change.
 """
 
 from __future__ import annotations
@@ -234,7 +235,8 @@ def certified(recursion: Recursion, weights: np.ndarray, repeats: int = REPEATS,
     for _ in range(repeats):
         other = np.array(_numbers(roots.moved(rng), weights)[:2])
         change = np.fmax(change, np.abs(other - [cost, own]))
-    extra = DIFFUSE_SHARE * abs(cost) if diffuseness(recursion) > DIFFUSE else 0.0
+    # three repeats may happen to change nothing: never less than what the last sums round
+    extra = (DIFFUSE_SHARE if diffuseness(recursion) > DIFFUSE else FACTOR * ULP) * abs(cost)
     of_cost, of_bound = (FACTOR * float(c) + extra if np.isfinite(c) else np.inf for c in change)
     return Certified(cost, own, of_cost, max(of_cost, of_bound), below, not len(roots.negative))
 
