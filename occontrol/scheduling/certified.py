@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from occontrol.families.athans.discretise import Recursion
 from occontrol.numerics.linalg import square_root
 from occontrol.scheduling.polytope import excess
 from occontrol.scheduling.square_root_kernels import backward, charge, forward, predict
+from occontrol.scheduling.sweep import Recursion
 
 REPEATS = 3
 FACTOR = 10.0

@@ -68,7 +68,7 @@ def test_stretches_that_do_not_fit_into_memory_give_the_same_bits(monkeypatch):
 @pytest.mark.parametrize("regime", REGIMES)
 def test_cost_and_bound_lie_within_the_allowance_of_sixty_digits(regime):
     rng = np.random.default_rng(2024)
-    for _ in range(4):
+    for _ in range(2):
         data = random_data(rng, regime)
         weights, proof = proven(as_problem(data))
         judge = Judge(data)
@@ -83,7 +83,7 @@ def test_the_square_root_form_keeps_digits_that_the_sweep_loses():
     """A prior of 1e14, two nearly parallel rows: the covariance itself loses the small direction."""
     rng = np.random.default_rng(1)
     worse = 0
-    for _ in range(20):
+    for _ in range(10):
         data = random_data(rng, "prior")
         recursion = discretise(balanced(as_problem(data))[0])
         weights = np.zeros(recursion.upper.shape)
@@ -92,7 +92,7 @@ def test_the_square_root_form_keeps_digits_that_the_sweep_loses():
         found, plain = square_root_pass(Roots.of(recursion), weights).cost, Sweep(recursion).cost(weights)
         assert float(abs(Decimal(found) / true - 1)) < 1e-9
         worse += abs(plain - float(true)) > 10 * abs(found - float(true)) + 1e-15 * float(true)
-    assert worse >= 3
+    assert worse >= 2
 
 
 def test_growth_beyond_double_precision_is_said():
