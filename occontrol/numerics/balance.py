@@ -30,7 +30,7 @@ TURN = 0.4877  # rounding of log2 d turns at .5123, not at .5, where tidy data o
 LARGEST = 500.0  # |log2 d|
 
 
-def balancing(rate: np.ndarray, driven: np.ndarray, observed: np.ndarray) -> np.ndarray:
+def balancing(rate: np.ndarray, driven: np.ndarray, observed: np.ndarray, power: int = 1) -> np.ndarray:
     """Powers of two d (n,) that balance the pencil; all ones where an entry is not finite.
 
     Parameters
@@ -38,13 +38,14 @@ def balancing(rate: np.ndarray, driven: np.ndarray, observed: np.ndarray) -> np.
     rate : (n, n) |A| times the horizon, the largest over time
     driven : (n, n) |Xi| times the horizon, plus |Sigma0| where the start counts
     observed : (n, n) information times the horizon, plus the weights of the cost where they count
+    power : of the entries whose sum is least; 2 for the least Frobenius norm, which sets the steps of a Riccati flow
     """
     parts = (np.ascontiguousarray(np.abs(part), dtype=float) for part in (rate, driven, observed))
-    return _balancing(len(rate), *(part.tobytes() for part in parts)).copy()
+    return _balancing(len(rate), power, *(part.tobytes() for part in parts)).copy()
 
 
 @lru_cache(maxsize=32)  # one solve asks for the same plant several times
-def _balancing(n: int, *stored: bytes) -> np.ndarray:
+def _balancing(n: int, power: int, *stored: bytes) -> np.ndarray:
     rate, driven, observed = (np.frombuffer(part).reshape(n, n) for part in stored)
     if not all(np.all(np.isfinite(part)) for part in (rate, driven, observed)):
         return np.ones(n)
@@ -54,7 +55,8 @@ def _balancing(n: int, *stored: bytes) -> np.ndarray:
     within = np.where(label[:, None] == label, pencil, 0.0)
     own = np.asarray(label[:n] == label[n:])
     groups = [np.flatnonzero(label[:n] == g) for g in np.unique(label[:n][own])]
-    logs = _minimised(within[:n, :n], within[:n, n:], within[n:, :n], groups)
+    within = within**power
+    logs = _minimised(within[:n, :n], within[:n, n:], within[n:, :n], groups) / power
     logs = _settled(logs, own, label[:n], rate, driven)
     logs = -_settled(-logs, own, label[:n], rate.T, observed)
     return np.ldexp(1.0, np.floor(np.clip(logs / np.log(2.0), -LARGEST, LARGEST) + TURN).astype(int))

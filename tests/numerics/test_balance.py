@@ -29,16 +29,17 @@ def counted(rate: np.ndarray, driven: np.ndarray, observed: np.ndarray) -> np.nd
     return reached | seen
 
 
-def test_the_result_does_not_depend_on_the_units_one_starts_from():
+@pytest.mark.parametrize("power", [1, 2])
+def test_the_result_does_not_depend_on_the_units_one_starts_from(power):
     rng = np.random.default_rng(5)
-    for _ in range(60):
+    for _ in range(30):
         n = int(rng.integers(1, 8))
         parts = random_pencil(rng, n)
         e = 2.0 ** rng.integers(-60, 61, size=n)
         rate, driven, observed = parts
-        other = balancing(rate * e[:, None] / e, driven * np.outer(e, e), observed / np.outer(e, e))
+        other = balancing(rate * e[:, None] / e, driven * np.outer(e, e), observed / np.outer(e, e), power)
         here = counted(*parts)
-        np.testing.assert_array_equal(other[here], (balancing(*parts) * e)[here])
+        np.testing.assert_array_equal(other[here], (balancing(*parts, power) * e)[here])
 
 
 def test_what_drives_a_state_and_what_it_drives_are_alike():
@@ -61,6 +62,20 @@ def test_what_drives_a_state_and_what_it_drives_are_alike():
 def test_one_state_by_hand(driven, seen, expected):
     # X/d^2 = Y d^2; driven only: X/d^2 = 1
     assert balancing(np.zeros((1, 1)), np.array([[driven]]), np.array([[seen]]))[0] == expected
+
+
+def test_squares_give_the_least_frobenius_norm():
+    rng = np.random.default_rng(8)
+    rate, X, Y = np.abs(rng.normal(size=(3, 3))), np.diag([1e4, 1.0, 1e-3]), np.diag([1.0, 10.0, 1e3])
+
+    def norm(d):
+        parts = rate * d / d[:, None], X / np.outer(d, d), Y * np.outer(d, d)
+        return 2 * np.sum(parts[0] ** 2) + np.sum(parts[1] ** 2) + np.sum(parts[2] ** 2)
+
+    d = balancing(rate, X, Y, power=2)
+    for i in range(3):
+        for factor in (0.25, 4.0):  # d is rounded to powers of two
+            assert norm(d) < norm(d * np.where(np.arange(3) == i, factor, 1.0))
 
 
 def test_a_chain_that_is_not_seen_gets_the_size_of_what_drives_it():

@@ -124,7 +124,7 @@ class Flow:
         L = np.max(np.abs(L), axis=0)
         found = []
         for v in used:
-            found.append(balancing(A, W, KK + np.einsum("m,mij->ij", v, L)))
+            found.append(balancing(A, W, KK + np.einsum("m,mij->ij", v, L), power=2))
         return np.array(found)[which.ravel()]
 
     def exponents(self, times: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

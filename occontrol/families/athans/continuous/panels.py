@@ -92,7 +92,7 @@ class PolicyData:
         span = plain.edges[-1] - plain.edges[0]
         n, largest = problem.states, span * np.max(np.abs(constant.matrices(probe)), axis=(0, 1))
         # without the initial covariance and the weights: here the rates of the flow are to be small
-        return replace(plain, scale=balancing(largest[n:, n:], largest[n:, :n], largest[:n, n:]))
+        return replace(plain, scale=balancing(largest[n:, n:], largest[n:, :n], largest[:n, n:], power=2))
 
     @cached_property
     def constant(self) -> bool:
