@@ -20,7 +20,6 @@ from occontrol.numerics.linalg import square_root, symmetrise
 MOST_TERMS = 60
 BLOCK_BYTES = 1e6
 STIFF = 1e3
-NEGLIGIBLE = 0.01
 
 
 def hamiltonian_matrices(A: np.ndarray, noise: np.ndarray, information: np.ndarray) -> np.ndarray:
@@ -33,41 +32,6 @@ def norms(matrices: np.ndarray) -> np.ndarray:
     """An upper bound of the spectral norm of (..., m, m) matrices."""
     size, ones = np.abs(matrices), np.ones(matrices.shape[-1])
     return np.sqrt(np.max(size @ ones, axis=-1) * np.max(ones @ size, axis=-1))
-
-
-def balancing(largest: np.ndarray) -> np.ndarray:
-    """Powers of two d (n,): in the coordinates x/d the Hamiltonian matrix has (nearly) the least Frobenius norm.
-
-    A state that adds nothing that counts to the norm keeps its unit: one that is driven but neither measured nor
-    coupled, or a chain of integrators, would otherwise be scaled without end.
-
-    Parameters
-    ----------
-    largest : (2n, 2n) absolute values of [[-A', L], [Xi, A]], the largest over time, times the horizon
-    """
-    n = len(largest) // 2
-    A, noise, information = (largest[n:, n:] ** 2, largest[n:, :n] ** 2, largest[:n, n:] ** 2)
-    d, dearest = np.ones(n), 0.0
-    for _ in range(200):
-        changed, least, dearest = False, max(1e-8 * dearest, NEGLIGIBLE), 0.0
-        for i in range(n):
-            off = np.arange(n) != i
-            up = np.sum(A[off, i] * (d[i] / d[off]) ** 2) + np.sum(information[off, i] * (d[i] * d[off]) ** 2)
-            down = np.sum(A[i, off] * (d[off] / d[i]) ** 2) + np.sum(noise[i, off] / (d[i] * d[off]) ** 2)
-            measured, driven = information[i, i] * d[i] ** 4, noise[i, i] / d[i] ** 4
-            here = 2 * up + 2 * down + measured + driven
-            dearest = max(dearest, here)
-            if here <= least:
-                continue
-            for factor in (0.5, 2.0):
-                there = 2 * up * factor**2 + 2 * down / factor**2 + measured * factor**4 + driven / factor**4
-                if there < 0.9 * here:
-                    d[i] *= factor
-                    changed = True
-                    break
-        if not changed:
-            break
-    return d
 
 
 def term_count(sizes: np.ndarray) -> int:

@@ -17,9 +17,12 @@ import numpy as np
 from scipy.linalg import expm
 
 from occontrol.core.errors import SolveFailed
+from occontrol.core.scaled_signal import scaled
 from occontrol.core.signal import Signal
+from occontrol.numerics.balance import StateUnits, balancing
 
 TOLERANCE = 1e-12
+PROBED = 257  # times at which varying data is looked at for its units
 MAX_STEPS = 16  # a span that needs more is halved
 MAX_PIECES = 256  # that may still be wrong at the same time
 SMOOTH = 0.13  # between 1/16, the fall of the roughness of what is smooth when steps are halved, and 1/4, of a kink
@@ -43,9 +46,24 @@ def transitions(
     Returns F (K, n, n) and Q (K, n, n), Q symmetric positive semidefinite.
     """
     starts, ends = np.asarray(starts, dtype=float), np.asarray(ends, dtype=float)
+    units = _units(A, noise, starts, ends, origin)
+    d = units.factors
+    A, noise = scaled(A, 1 / d, d), scaled(noise, 1 / d, 1 / d)
     if A.constant and noise.constant:
-        return _constant(A.at(0.0), noise.at(0.0), ends - starts)
-    return _varying(A, noise, starts, ends, origin, np.empty(0) if cuts is None else cuts)
+        F, Q = _constant(A.at(0.0), noise.at(0.0), ends - starts)
+    else:
+        F, Q = _varying(A, noise, starts, ends, origin, np.empty(0) if cuts is None else cuts)
+    return units.inverse.map(F), units.inverse.covariance(Q)
+
+
+def _units(A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray, origin: float) -> StateUnits:
+    """Units in which rates and noise are alike over the longest span, wherever the spans lie."""
+    longest = float(np.max(ends - starts, initial=0.0))
+    if not longest > 0:
+        return StateUnits(np.ones(A.shape[0]))
+    probe = origin + np.linspace(np.min(starts), np.max(ends), 1 if A.constant and noise.constant else PROBED)
+    rate, driven = (longest * np.max(np.abs(s.sample(probe)), axis=0) for s in (A, noise))
+    return StateUnits(balancing(rate, driven, np.zeros_like(rate)))
 
 
 def unique_spans(lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,14 +12,14 @@ from occontrol.scheduling.objective import Objective
 def at_least_zero(bound: float, cost: float) -> float:
     """A lower bound raised to 0, which no cost lies below where q, R and W are not negative.
 
-    A cost that rounding put below 0 is not contradicted.
+    A cost below 0 shows that one of them is, slightly; then nothing is raised.
 
     Parameters
     ----------
     bound : proven lower bound
     cost : of a policy
     """
-    return max(bound, min(0.0, cost))
+    return max(bound, 0.0) if cost >= 0 else bound
 
 
 def policy_certificate(

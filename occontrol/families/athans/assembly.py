@@ -18,6 +18,7 @@ from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers
 from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.hminimal import polish
+from occontrol.scheduling.proof import prove
 from occontrol.scheduling.rounding import singular_intervals
 from occontrol.scheduling.sweep import Sweep
 
@@ -47,7 +48,11 @@ def assemble(
     relaxed = found.relaxed
     known = max(found.bound, relaxed.lower_bound if relaxed is not None else -np.inf)
     evaluated = integrator.evaluate(v)
-    certificate = evaluated.certificate(allowed, known)
+    policies = [evaluated.judged(r)]
+    if relaxed is not None and relaxed.weights is not v:
+        policies.append(integrator.evaluate(relaxed.weights).judged(r))
+    proof = prove(policies, allowed, known)
+    certificate = proof.certificate
     monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
     # whoever interrupts waits for one re-integration, not for two
     better = relaxed.weights if relaxed is not None and not monitor.interrupted else None
@@ -55,7 +60,8 @@ def assemble(
     parts = parts_of(integrator, evaluated)
     path = parts.path
     status, message = found.status, found.message
-    if status is Status.CERTIFIED and not found.proves and certificate.relative_gap > found.target:
+    trusted = found.proves and proof.resolved(found.target)
+    if status is Status.CERTIFIED and not trusted and certificate.relative_gap > found.target:
         status = Status.FEASIBLE
     schedule = Schedule(problem.edges, v, tuple(problem.sensors.names))
     singular = _singular_fraction(sweep, allowed, relaxed.weights if relaxed is not None else v, v, monitor)
@@ -65,15 +71,16 @@ def assemble(
         status, message = Status.DISAGREES, certificate.text
     elif not judged.agrees:
         status, message = Status.DISAGREES, judged.text
-    elif not _adds_up(certificate.cost, observation, error, r.running.shape[0] > 0):
+    elif not _adds_up(certificate.cost + proof.below, observation, error, r.running.shape[0] > 0):
         status, message = Status.DISAGREES, _SPOILT
-    coarse = "" if status is Status.DISAGREES else _coarse(certificate, continuous)
+    remarks = "" if status is Status.DISAGREES else _coarse(certificate, continuous) + proof.remark(found.target)
     running = certificate.cost - observation - error if r.running.shape[0] else 0.0
     numbers = AthansResult(
         name=problem.name,
         cost=certificate.cost,
         lower_bound=certificate.lower_bound,
         relative_gap=certificate.relative_gap,
+        allowance=proof.allowance,
         observation_cost=observation / problem.cost_weight if problem.cost_weight else _raw_cost(problem, v),
         cost_weight=problem.cost_weight,
         running_cost=running,
@@ -110,7 +117,7 @@ def assemble(
         problem=problem,
         method=name,
         status=status,
-        message=(message or _message(status, certificate, singular, schedule)) + coarse,
+        message=(message or _message(status, certificate, singular, schedule)) + remarks,
         iterations=found.iterations,
         numbers=numbers,
         monitor=monitor,

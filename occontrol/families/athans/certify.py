@@ -13,6 +13,7 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.assembly import assemble
+from occontrol.families.athans.balanced import balanced, restored
 from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.integration.refine import relax_and_refine
@@ -40,10 +41,12 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     if mistakes := feasible_set(problem).check(weights):
         raise ProblemError(mistakes)
     gap = getattr(problem.method, "relative_gap", 1e-4)
-    integrator, sweep = relax_and_refine(problem, RelaxedOptions(gap), monitor, refine=False)
+    inner, units = balanced(problem)
+    integrator, sweep = relax_and_refine(inner, RelaxedOptions(gap), monitor, refine=False)
     relaxed = sweep.outcome
     found = Found(weights, relaxed.iterations, relaxed.status, "", relaxed, target=gap)
-    solution = assemble(problem, "certify", integrator, sweep, found, monitor, started)
+    solution = assemble(inner, "certify", integrator, sweep, found, monitor, started)
+    solution = restored(solution, problem, units)
     if claims is not None and solution.certificate is not None:
         lowest = min(relaxed.cost, solution.certificate.cost)
         numbers: AthansResult = solution.numbers  # type: ignore[assignment]

@@ -49,15 +49,17 @@ class AthansFamily(Family):
         cannot be filled, SolveFailed when nothing usable was found.
         """
         from occontrol.families.athans.assembly import assemble
+        from occontrol.families.athans.balanced import balanced, restored
         from occontrol.families.athans.discretise import feasible_set
         from occontrol.families.athans.integration.refine import search_space
 
         problem.require_feasible()
         began = time.perf_counter()
-        integrator, sweep = search_space(problem, method, monitor)
-        problem = integrator.problem  # edges may have been added
-        found = method.run(problem, sweep, feasible_set(problem), monitor)
-        return assemble(problem, method.name, integrator, sweep, found, monitor, began)
+        inner, units = balanced(problem)
+        integrator, sweep = search_space(inner, method, monitor)
+        inner = integrator.problem  # edges may have been added
+        found = method.run(inner, sweep, feasible_set(inner), monitor)
+        return restored(assemble(inner, method.name, integrator, sweep, found, monitor, began), problem, units)
 
     def require_feasible(self, problem: SchedulingProblem) -> None:
         """Raise InfeasibleError, with the time, when some interval has too few available sensors."""

@@ -33,6 +33,7 @@ class AthansResult(ResultData):
     ----------
     name : of the problem
     cost, lower_bound, relative_gap : of the discretised problem
+    allowance : how far rounding may have moved cost and bound, in cost units; the bound is lowered by it
     observation_cost : int sum_j q_j v_j dt, before it is weighted
     cost_weight : alpha
     running_cost : int tr(R Sigma) dt
@@ -56,6 +57,7 @@ class AthansResult(ResultData):
     cost: float
     lower_bound: float
     relative_gap: float
+    allowance: float
     observation_cost: float
     cost_weight: float
     running_cost: float

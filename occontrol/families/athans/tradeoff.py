@@ -19,6 +19,7 @@ from occontrol.core.errors import ProblemError
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Status
+from occontrol.families.athans.balanced import balanced
 from occontrol.families.athans.discretise import discretise, feasible_set, prediction_weight
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling.hminimal import polish
@@ -128,7 +129,7 @@ def tradeoff(problem: SchedulingProblem, cost_weights: Sequence[float], monitor:
     monitor = (monitor or Monitor()).child()
     problem.require_feasible()
     allowed = feasible_set(problem)
-    base = Sweep(discretise(replace(problem, cost_weight=1.0)))
+    base = Sweep(discretise(balanced(replace(problem, cost_weight=1.0))[0]))
     rates = base.recursion.cost
     if not np.any(rates * (problem.upper > 0)):
         raise ProblemError("no sensor costs anything: there is nothing to trade", "give the sensors a cost")

@@ -30,7 +30,7 @@ from occontrol.families.robust.star_product import (
     star_checked,
     transpose,
 )
-from occontrol.numerics.riccati_flow import balancing
+from occontrol.numerics.balance import balancing
 
 __all__ = ["Element", "Flow", "advance", "compose_exists", "identity", "retreat", "star"]
 
@@ -124,8 +124,7 @@ class Flow:
         L = np.max(np.abs(L), axis=0)
         found = []
         for v in used:
-            largest = np.block([[A.T, KK + np.einsum("m,mij->ij", v, L)], [W, A]])
-            found.append(balancing(largest) if np.all(np.isfinite(largest)) else np.ones(self.n))
+            found.append(balancing(A, W, KK + np.einsum("m,mij->ij", v, L), power=2))
         return np.array(found)[which.ravel()]
 
     def exponents(self, times: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

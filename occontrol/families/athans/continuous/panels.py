@@ -17,8 +17,9 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.signal import Signal
 from occontrol.families.athans.integration.features import features
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.numerics.balance import balancing
 from occontrol.numerics.gauss import gauss_nodes, legendre_coefficients, legendre_powers, tail
-from occontrol.numerics.riccati_flow import balancing, fractional, hamiltonian_matrices, norms, transitions
+from occontrol.numerics.riccati_flow import fractional, hamiltonian_matrices, norms, transitions
 
 SMALLEST = 1e-13
 MOST_PANELS = 1_000_000
@@ -95,7 +96,9 @@ class PolicyData:
         probe = probe[:1] if plain.constant else probe[:: max(1, len(probe) // 200)]
         constant = replace(plain, weights=np.broadcast_to(weights, plain.weights.shape))
         span = plain.edges[-1] - plain.edges[0]
-        return replace(plain, scale=balancing(span * np.max(np.abs(constant.matrices(probe)), axis=(0, 1))))
+        n, largest = problem.states, span * np.max(np.abs(constant.matrices(probe)), axis=(0, 1))
+        # without the initial covariance and the weights: here the rates of the flow are to be small
+        return replace(plain, scale=balancing(largest[n:, n:], largest[n:, :n], largest[:n, n:], power=2))
 
     @cached_property
     def constant(self) -> bool:

@@ -8,6 +8,7 @@ Repeating a policy on the steps is linear, so J on one mesh is convex; the extra
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -36,6 +37,11 @@ class Folded:
         self.fine: Recursion = recursion_on(spans.problem, self.halves, middle, steps, mesh.owner)
         self.sweep = Sweep(self.fine)
         self.first = np.searchsorted(mesh.owner, np.arange(mesh.interval[-1] + 1))
+
+    @property
+    def shared(self) -> Recursion:
+        """The recursion on the steps, with the decisions that own them."""
+        return replace(self.fine, available=self.spans.problem.upper, owner=self.mesh.owner)
 
     @property
     def keeps_all(self) -> bool:

@@ -12,21 +12,19 @@ from functools import cached_property
 
 import numpy as np
 
-from occontrol.core.solution import Certificate
 from occontrol.families.athans.discretise import HalfPredicts, discretise, half_predicts, scaled_rows
 from occontrol.families.athans.integration.folded import Extrapolated, Folded
 from occontrol.families.athans.integration.local_error import step_errors
 from occontrol.families.athans.integration.mesh import MOST_IN_INTERVAL, Mesh, first_mesh
 from occontrol.families.athans.integration.spans import Spans
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.bounds import at_least_zero
-from occontrol.scheduling.feasible_set import FeasibleSet
+from occontrol.scheduling.certified import Term
+from occontrol.scheduling.proof import Judged
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.sweep import Sweep
 
 PASSES = 4
 ATTEMPTS = 3
-MESHES = 5.0  # errors of integration by which the costs on two meshes may differ
 # the extrapolated error goes with the square of what is extrapolated away: 1e-3 of J leaves some 1e-6 (accuracy.md)
 ROOT_SHARE = 0.3
 
@@ -52,19 +50,19 @@ class Evaluation:
     steps: int
     on: Folded | Extrapolated | None
 
-    def certificate(self, allowed: FeasibleSet, known_bound: float = -np.inf) -> Certificate:
-        """Cost of the policy and the better of its own lower bound and one known already.
+    def judged(self, plain: Recursion) -> Judged:
+        """The same for the pass in square-root form.
 
         Parameters
         ----------
-        allowed : the set that the bound holds for
-        known_bound : a proven lower bound of the same problem, if any
+        plain : Recursion with one step an interval
         """
-        error = self.error if isinstance(self.on, Extrapolated) else 0.0
-        own = allowed.bound(self.cost, self.weights, self.gradient) - error
-        # bounds and costs come from different meshes: that far a bound may lie above a cost
-        bound = at_least_zero(max(own, known_bound), self.cost)
-        return Certificate(self.cost, self.cost if self.cost < bound <= self.cost + MESHES * error else bound)
+        terms, error = [Term(1.0, plain)], 0.0
+        if isinstance(self.on, Folded):
+            terms = [Term(1.0, self.on.shared)]
+        elif self.on is not None:
+            terms, error = [Term(4 / 3, self.on.half.shared), Term(-1 / 3, self.on.whole.shared)], self.error
+        return Judged(self.weights, self.cost, self.gradient, terms, error)
 
 
 class Integrator:

@@ -1,0 +1,102 @@
+"""Signals whose rows and columns are multiplied by constants: the same function of time in other units.
+
+Every kind of signal stays of its kind, so that whatever looks at its breakpoints, its formulas or its table still does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.signal import ConstantSignal, ExpressionSignal, Signal, TableSignal
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledSignal(Signal):
+    """factor_ij times entry ij of another signal.
+
+    Parameters
+    ----------
+    inner : Signal
+    factor : (rows, columns)
+    """
+
+    inner: Signal
+    factor: np.ndarray
+
+    @property
+    def shape(self) -> tuple[int, int]:  # type: ignore[override]
+        return self.inner.shape
+
+    @property
+    def constant(self) -> bool:  # type: ignore[override]
+        return self.inner.constant
+
+    @property
+    def breakpoints(self) -> np.ndarray:
+        return self.inner.breakpoints
+
+    def at(self, t: float) -> np.ndarray:
+        return self.inner.at(t) * self.factor
+
+    def sample(self, times: np.ndarray) -> np.ndarray:
+        return self.inner.sample(times) * self.factor
+
+    def document(self) -> Any:
+        raise NotImplementedError("a signal in scaled units stands in no problem file")
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledExpression(ExpressionSignal):
+    """Formulas, each multiplied by a constant.
+
+    Parameters
+    ----------
+    factor : (rows, columns)
+    """
+
+    factor: Any = 1.0
+
+    def sample(self, times: np.ndarray) -> np.ndarray:
+        return super().sample(times) * self.factor
+
+    def __getstate__(self) -> dict:
+        return {**super().__getstate__(), "factor": self.factor}
+
+    def document(self) -> Any:
+        raise NotImplementedError("a signal in scaled units stands in no problem file")
+
+
+@singledispatch
+def scaled(signal: Signal, left: np.ndarray, right: np.ndarray) -> Signal:
+    """diag(left) S(t) diag(right).
+
+    Parameters
+    ----------
+    signal : Signal, (rows, columns)
+    left, right : (rows,) and (columns,); with powers of two nothing is rounded
+    """
+    return ScaledSignal(signal, np.outer(left, right))
+
+
+@scaled.register
+def _(signal: ConstantSignal, left: np.ndarray, right: np.ndarray) -> Signal:
+    return ConstantSignal(signal.value * np.outer(left, right))
+
+
+@scaled.register
+def _(signal: TableSignal, left: np.ndarray, right: np.ndarray) -> Signal:
+    return replace(signal, values=signal.values * np.outer(left, right))
+
+
+@scaled.register
+def _(signal: ExpressionSignal, left: np.ndarray, right: np.ndarray) -> Signal:
+    return ScaledExpression(signal.entries, signal.variable, np.outer(left, right))
+
+
+@scaled.register
+def _(signal: ScaledExpression, left: np.ndarray, right: np.ndarray) -> Signal:
+    return replace(signal, factor=signal.factor * np.outer(left, right))

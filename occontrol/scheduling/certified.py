@@ -1,0 +1,296 @@
+"""Cost, gradient and lower bound of a finished policy in square-root form, and how far rounding may have moved them.
+
+The sweeps of the solvers carry the covariance itself and lose digits where a plant grows far between measurements or
+the prior is huge. One pass over the final policy with roots (square_root_kernels.py) loses none of its own; what is
+left is what the last digit of the data does. That is measured: the pass is repeated with every number moved by at most
+one unit in its last place (those of F and Q by more where a span is long, as an exponential loses digits by its
+argument) and the root of the start turned at random, and
+
+    allowance = 10 x the largest change + 10 ulp |J|,   with 1e-9 |J| in place of the second where
+                lambda_max(Sigma0 L) T > 1e12.
+
+That term is there because with such a prior errors were seen that are 120 times the change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from occontrol.numerics.linalg import square_root
+from occontrol.scheduling.feasible_set import FeasibleSet
+from occontrol.scheduling.recursion import Recursion
+from occontrol.scheduling.square_root_kernels import backward, charge, forward, predict
+
+REPEATS = 3
+FACTOR = 10.0
+EXPONENT = 4.0  # digits, in units of the last place, that F loses for each e by which it stretches
+DIFFUSE, DIFFUSE_SHARE = 1e12, 1e-9
+BYTES = 500_000_000
+ULP = np.finfo(float).eps
+
+
+@dataclass(frozen=True, eq=False)
+class Roots:
+    """A Recursion as square roots.
+
+    Parameters
+    ----------
+    recursion : Recursion
+    initial : (n, n) X with X X' the covariance at the start
+    transition : (U, n, n);  noise : (U, n, n) roots of Q
+    rows : (S, r, n)
+    terminal : (n, n) V with V' V = W
+    running, negative : (V, n, n) with R = running' running - negative' negative; the second is empty unless R is
+        slightly below zero
+    doubt : (U, 1, 1) units in the last place by which F and Q may be off
+    """
+
+    recursion: Recursion
+    initial: np.ndarray
+    transition: np.ndarray
+    noise: np.ndarray
+    rows: np.ndarray
+    terminal: np.ndarray
+    running: np.ndarray
+    negative: np.ndarray
+    doubt: np.ndarray
+
+    @classmethod
+    def of(cls, recursion: Recursion) -> Roots:
+        """The roots of a recursion's matrices."""
+        r = recursion
+        return cls._taken(r, r.initial, r.transition, r.noise, r.rows, r.terminal, r.running, _doubt(r.transition))
+
+    @classmethod
+    def _taken(cls, recursion: Recursion, initial, transition, noise, rows, terminal, running, doubt) -> Roots:
+        """The roots of these matrices in place of the recursion's own."""
+        above = below = np.zeros((0, *initial.shape))
+        if len(running):
+            above, below = (_turned(square_root(part)) for part in _signed(running))
+        return cls(
+            recursion, square_root(initial), transition, square_root(noise), rows, _turned(square_root(terminal)),
+            above, below if np.any(below) else below[:0], doubt,
+        )  # fmt: skip
+
+    def moved(self, rng: np.random.Generator) -> Roots:
+        """The same of matrices with every number moved by a unit in the last place or none; the first root is turned.
+
+        The matrices are moved, not their roots: a small eigenvalue beside a large one is known less well than its root.
+        """
+        r, d = self.recursion, self.doubt
+
+        def nudged(matrix: np.ndarray, units: np.ndarray | float = 1.0) -> np.ndarray:
+            return matrix * (1.0 + ULP * units * rng.integers(-1, 2, size=matrix.shape))
+
+        def symmetric(matrix: np.ndarray, units: np.ndarray | float = 1.0) -> np.ndarray:
+            upper = np.triu(nudged(matrix, units))
+            return upper + np.swapaxes(np.triu(upper, 1), -1, -2)
+
+        found = self._taken(
+            r, symmetric(r.initial), nudged(r.transition, d), symmetric(r.noise, d), nudged(r.rows),
+            symmetric(r.terminal), symmetric(r.running), d,
+        )  # fmt: skip
+        return replace(found, initial=found.initial @ np.linalg.qr(rng.standard_normal(r.initial.shape))[0])
+
+
+def _signed(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positive semidefinite P and N (V, n, n) with matrices = P - N; N is zero but for what counts below zero."""
+    values, vectors = np.linalg.eigh(matrices)
+    below = np.where(values < -64 * ULP * np.max(np.abs(values), axis=1, keepdims=True), -values, 0.0)
+    if not np.any(below):
+        return matrices, np.zeros_like(matrices)
+    negative = (vectors * below[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+    return matrices + negative, negative
+
+
+def _doubt(transition: np.ndarray) -> np.ndarray:
+    """1 + EXPONENT |log of a stretch of F|, (U, 1, 1)."""
+    stretch = np.linalg.svd(transition, compute_uv=False)
+    with np.errstate(divide="ignore"):
+        logs = np.abs(np.log(stretch[:, [0, -1]]))
+    return (1.0 + EXPONENT * np.max(np.minimum(logs, 100.0), axis=1))[:, None, None]
+
+
+def _turned(matrices: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(np.swapaxes(matrices, -1, -2))
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """Numbers of one pass.
+
+    Parameters
+    ----------
+    cost : J without what the running weight has below zero
+    gradient : (N, M) of that; for a sensor that is not available its cost alone
+    below : what the running weight has below zero, charged along the policy; J = cost - below
+    """
+
+    cost: float
+    gradient: np.ndarray
+    below: float
+
+
+def square_root_pass(roots: Roots, weights: np.ndarray) -> Pass:
+    """Cost and gradient of a policy.
+
+        dJ/dv_kj = cost_kj - h |c_j X+ g+|^2,   S+ = X+ X+',  P+ = V' V,  g+ = X+' V'
+
+    Parameters
+    ----------
+    roots : Roots
+    weights : (N, M)
+    """
+    r, n, N = roots.recursion, roots.recursion.states, len(roots.recursion.steps)
+    weights = np.ascontiguousarray(r.on_steps(weights), dtype=float)
+    march = _March(roots, weights)
+    X, starts, total = np.ascontiguousarray(roots.initial).copy(), [], float(np.vdot(r.cost, weights))
+    for k0 in range(0, N, march.length):
+        starts.append(X.copy())
+        total += march.ahead(k0, X, roots.running)
+    last, tall = np.empty((n, n)), [np.empty((n, 2 * n)) for _ in range(3)]
+    work = (np.empty(n), np.empty(2 * n, dtype=np.int64), np.empty(n, dtype=np.int64))
+    predict(X, roots.transition[r.predict[N]], roots.noise[r.predict[N]], *tall, *work, last)
+    total += charge(roots.terminal, X)
+    g, gain = np.ascontiguousarray(last @ (X.T @ roots.terminal.T)), np.zeros((N, r.sensors))
+    for s in reversed(range(len(starts))):
+        if len(starts) > 1:
+            march.ahead(s * march.length, starts[s], roots.running)
+        march.back(s * march.length, g, gain)
+    below = _below_zero(roots, weights) if len(roots.negative) else 0.0
+    gradient = r.cost - np.where(r.on_steps(r.available) > 0, gain, 0.0)
+    return Pass(total, r.by_decision(gradient), below)
+
+
+def _below_zero(roots: Roots, weights: np.ndarray) -> float:
+    """What the running weight has below zero, charged along weights (K, M) of the steps."""
+    march, X, total = _March(roots, weights), roots.initial.copy(), 0.0
+    for k0 in range(0, len(roots.recursion.steps), march.length):
+        total += march.ahead(k0, X, roots.negative)
+    return total
+
+
+class _March:
+    """Stretches of as many intervals as fit into BYTES, forward and back."""
+
+    def __init__(self, roots: Roots, weights: np.ndarray):
+        r, n, most = roots.recursion, roots.recursion.states, roots.rows.shape[1]
+        self.roots, self.end = roots, len(r.steps)
+        self.of_rows = (roots.rows, r.row_set, r.offsets, r.steps, weights)
+        length = self.length = int(np.clip(BYTES / (8 * n * (3 * n + most + 3)), 1, len(r.steps)))
+        charged = len(roots.running) + len(roots.negative) > 0
+        after, before, Z = (np.empty((k, n, n)) for k in (length, length if charged else 0, length))
+        self.kept = (after, before, Z, np.empty((length, most, n + 3)))
+
+    def ahead(self, k0: int, X: np.ndarray, V: np.ndarray) -> float:
+        """Forward from k0 in place on X; the running charge of V' V."""
+        r, k1 = self.roots.recursion, min(k0 + self.length, self.end)
+        front = (k0, k1, X, self.roots.transition, self.roots.noise, r.predict)
+        return float(forward(*front, *self.of_rows, V, r.running_set, *self.kept))
+
+    def back(self, k0: int, g: np.ndarray, gain: np.ndarray) -> None:
+        """Back to k0 in place on g, after `ahead`."""
+        k1, V = min(k0 + self.length, self.end), self.roots.running
+        backward(k0, k1, g, *self.of_rows, V, self.roots.recursion.running_set, *self.kept, gain)
+
+
+@dataclass(frozen=True, eq=False)
+class Certified:
+    """What the square-root form says of a policy.
+
+    Parameters
+    ----------
+    cost : J
+    lower_bound : J - sum_k [v_k.g_k - min_w w.g_k], not yet lowered by the allowance
+    cost_allowance, bound_allowance : how far rounding may have moved them, in cost units
+    below : how much of J is owed to a running weight slightly below zero
+    convex : whether nothing is; only then gradients of any form bound J from below
+    """
+
+    cost: float
+    lower_bound: float
+    cost_allowance: float
+    bound_allowance: float
+    below: float
+    convex: bool
+
+
+@dataclass(frozen=True)
+class Term:
+    """One recursion and its factor: J = sum of factor * J of the recursion, as extrapolation makes of two meshes.
+
+    Parameters
+    ----------
+    factor : number
+    recursion : Recursion, all of one problem with the same decisions
+    """
+
+    factor: float
+    recursion: Recursion
+
+
+def certified(
+    terms: Sequence[Term], feasible_set: FeasibleSet, weights: np.ndarray, repeats: int = REPEATS, seed: int = 0
+) -> Certified:
+    """Cost and lower bound of a policy in square-root form, with the measured allowance.
+
+    What a running weight has below zero is not convex in the policy. It takes away at most what it takes from the
+    covariance without any measurement, the largest there is, and the bound is lowered by that.
+
+    Parameters
+    ----------
+    terms : what the cost is the sum of; the last one, the cheapest, is the one that is perturbed
+    feasible_set : the set that the bound holds for
+    weights : (N, M)
+    repeats : passes with perturbed data
+    seed : of the perturbations
+    """
+    rng = np.random.default_rng(seed)
+    roots = [Roots.of(term.recursion) for term in terms]
+    passes = [square_root_pass(each, weights) for each in roots]
+    factors = [term.factor for term in terms]
+    cost, own, below = _combined(roots, passes, factors, feasible_set, weights)
+    change, last = np.zeros(2), roots[-1]
+    _, alone, _ = _combined([last], passes[-1:], [1.0], feasible_set, weights)
+    start = np.array([passes[-1].cost - passes[-1].below, alone])
+    for _ in range(repeats):
+        moved = last.moved(rng)
+        other = _combined([moved], [square_root_pass(moved, weights)], [1.0], feasible_set, weights)
+        change = np.fmax(change, np.abs(np.array(other[:2]) - start))
+    change = change * sum(abs(f) for f in factors)
+    # three repeats may happen to change nothing: never less than what the last sums round
+    extra = (DIFFUSE_SHARE if diffuseness(last.recursion) > DIFFUSE else FACTOR * ULP) * abs(cost)
+    of_cost, of_bound = (FACTOR * float(c) + extra if np.isfinite(c) else np.inf for c in change)
+    return Certified(cost, own, of_cost, max(of_cost, of_bound), below, not any(len(r.negative) for r in roots))
+
+
+def _combined(
+    roots: Sequence[Roots], passes: Sequence[Pass], factors: Sequence[float], allowed: FeasibleSet, weights: np.ndarray
+) -> tuple[float, float, float]:
+    """Cost, own bound, and what of the cost lies below zero."""
+    cost = sum(f * p.cost for f, p in zip(factors, passes, strict=True))
+    gradient = sum(f * p.gradient for f, p in zip(factors, passes, strict=True))
+    below = sum(f * p.below for f, p in zip(factors, passes, strict=True))
+    bound = allowed.bound(cost, weights, np.asarray(gradient))
+    for each, f in zip(roots, factors, strict=True):
+        if len(each.negative):
+            bound -= f * _below_zero(each, np.zeros((len(each.recursion.steps), each.recursion.sensors)))
+    return cost - below, bound, below
+
+
+def diffuseness(recursion: Recursion) -> float:
+    """lambda_max(Sigma0 L_j) T of the sensor for which it is largest: how much the first measurement tells."""
+    r, horizon = recursion, float(np.sum(recursion.steps))
+    root = square_root(r.initial)
+    return horizon * max(
+        (
+            float(np.linalg.norm(rows[a:b] @ root, 2)) ** 2
+            for rows in r.rows[:: max(1, len(r.rows) // 16)]
+            for a, b in zip(r.offsets[:-1], r.offsets[1:], strict=True)
+            if b > a
+        ),
+        default=0.0,
+    )
