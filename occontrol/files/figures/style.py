@@ -181,7 +181,8 @@ def tidy_time_axis(axes: Axes, start: float, end: float, label: bool = True) -> 
     start, end : the horizon
     label : whether to name the axis
     """
-    axes.set_xlim(start, end)
+    if end > start:  # an estimate of a single time has no extent
+        axes.set_xlim(start, end)
     if label:
         axes.set_xlabel("time t, in the problem's unit")
     else:

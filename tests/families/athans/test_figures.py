@@ -38,12 +38,14 @@ def even_solution(problem: oc.SchedulingProblem) -> Solution:
     """The available sensors in equal shares: quick at any size, and fractional."""
     from occontrol.families.athans.discretise import discretise, half_predicts
     from occontrol.families.athans.node_path import node_path
+    from occontrol.families.athans.result import AthansResult
 
     weights = np.minimum(problem.upper, 1) / np.sum(problem.upper, axis=1, keepdims=True)
     path = node_path(discretise(problem), half_predicts(problem), weights)
     arrays = {"times": problem.edges, "covariance": path.covariance, "switching": path.switching}
     schedule = Schedule(problem.edges, weights, tuple(problem.sensors.names))
-    return Solution("athans", "relaxed", oc.Status.FEASIBLE, "", 0, 0.0, {"cost": 3.0}, arrays, schedule)
+    numbers = AthansResult.from_dict({"cost": 3.0})
+    return Solution("athans", "relaxed", oc.Status.FEASIBLE, "", 0, 0.0, numbers, arrays, schedule)
 
 
 def words(figure: Figure) -> str:
