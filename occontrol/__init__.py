@@ -14,7 +14,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from occontrol.api import certify, plot, run_filter, simulate, solve, tradeoff
+    from occontrol.api import certify, plot, read_run, run_filter, simulate, solve, tradeoff, write_run
     from occontrol.core.errors import (
         FileAccessError,
         InfeasibleError,
@@ -58,7 +58,6 @@ if TYPE_CHECKING:
     from occontrol.files.data_files import read_measurements, read_schedule
     from occontrol.files.export import export_run
     from occontrol.files.problem_file import read_problem
-    from occontrol.files.run_folder import read_run, write_run
 
 # module: the public names that it holds
 _HOME = {
@@ -90,7 +89,7 @@ _HOME = {
     "families.robust.problem": ("SwitchingProblem",),
     "families.robust.online": ("OnlineSwitching",),
     "families.vlambda.problem": ("SelectionProblem",),
-    "api": ("solve", "certify", "simulate", "run_filter", "tradeoff", "plot"),
+    "api": ("solve", "certify", "simulate", "run_filter", "tradeoff", "plot", "read_run", "write_run"),
     "families.athans.filter.online": ("MatchedFilter",),
     "families.vlambda.online": ("OnlineSelector",),
     "families.athans.methods": (
@@ -105,7 +104,6 @@ _HOME = {
     ),
     "files.problem_file": ("read_problem",),
     "files.data_files": ("read_schedule", "read_measurements"),
-    "files.run_folder": ("read_run", "write_run"),
     "files.export": ("export_run",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

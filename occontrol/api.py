@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import inspect
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from occontrol.core.errors import InfeasibleError, UsageError
@@ -14,6 +14,8 @@ from occontrol.core.solution import Solution, Status
 from occontrol.families import FAMILIES, family_module
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.figure import Figure
 
     from occontrol.core.measurement import Estimate, Measurement
@@ -104,6 +106,42 @@ def solve(problem: Any, method: Any = None, monitor: Monitor | None = None) -> S
         method = choose_method(problem, method)
     solution = family_module(problem.family).solve(problem, method, monitor)
     return dataclasses.replace(solution, problem=problem)
+
+
+def read_run(folder: str | Path) -> tuple[Any, Solution]:
+    """The problem and the Solution of the run folder `folder`, identical to what was written.
+
+    Parameters
+    ----------
+    folder : as `write_run` or the command line wrote it
+
+    Raises ProblemError naming the file that is missing, damaged, or does not belong to the others; FileAccessError when
+    there is no such folder or it cannot be read.
+    """
+    from occontrol.files import run_folder
+    from occontrol.files.problem_file import read_problem
+
+    return run_folder.read_run(folder, read_problem)
+
+
+def write_run(
+    folder: str | Path, problem: Any, solution: Solution, extras: Callable[[Path, dict], None] | None = None
+) -> dict[str, Any]:
+    """Write a run folder and return the content of its result.json.
+
+    Parameters
+    ----------
+    folder : the run folder, created if missing; an earlier result in it is replaced only when the new one is complete
+    problem : the problem that was solved
+    solution : Solution
+    extras : called with the folder under construction and the content of result.json, to add pictures and the like
+
+    Raises FileAccessError when the folder cannot be written, or is in use by another process.
+    """
+    from occontrol.files import run_folder
+    from occontrol.files.problem_file import document
+
+    return run_folder.write_run(folder, document(problem), solution, extras)
 
 
 def certify(problem: Any, schedule: Schedule, claims: Claims | None = None) -> Solution:

@@ -26,14 +26,13 @@ def certify(
     """Recompute cost, lower bound and gap of a schedule from the problem alone."""
     from dataclasses import replace
 
-    from occontrol.api import ability
+    from occontrol.api import ability, read_run
     from occontrol.api import certify as call_certify
     from occontrol.core.errors import ProblemError, UsageError
     from occontrol.core.solution import Status
     from occontrol.families import family_module
     from occontrol.files.data_files import read_schedule
     from occontrol.files.problem_file import read_problem
-    from occontrol.files.run_folder import read_run
 
     claims, listed = None, True
     if file.is_dir():

@@ -30,11 +30,10 @@ def filter_measurements(
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw pictures beside the CSV.")] = True,
 ) -> int:
     """Estimate the state, and predict the output, from a file of measurements; the run folder is all it needs."""
-    from occontrol.api import run_filter
+    from occontrol.api import read_run, run_filter
     from occontrol.core.errors import ProblemError
     from occontrol.families import family_module
     from occontrol.files.data_files import read_measurements
-    from occontrol.files.run_folder import read_run
     from occontrol.files.tables import write_estimate
     from occontrol.files.truth_file import read_truth
 

@@ -22,12 +22,13 @@ def simulate(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random generator.")] = 0,
 ) -> int:
     """Simulate the plant and the scheduled sensors; the truth goes beside the measurements."""
+    from occontrol.api import read_run
     from occontrol.api import simulate as call_simulate
     from occontrol.cli.watch import watched
     from occontrol.core.errors import FileAccessError, ProblemError
     from occontrol.files.plain_json import to_json
     from occontrol.files.problem_file import document, read_problem
-    from occontrol.files.run_folder import RESULT, check_writable, read_run
+    from occontrol.files.run_folder import RESULT, check_writable
     from occontrol.files.tables import write_measurements, write_truth
 
     problem, solution = read_problem(file), None

@@ -112,7 +112,7 @@ def write_with_figures(folder: Path, problem: Any, solution: Solution, figures: 
 
     A picture that cannot be drawn is announced; it never costs the user the result.
     """
-    from occontrol.files.run_folder import write_run
+    from occontrol.api import write_run
 
     def draw(stage: Path, content: dict) -> None:
         from occontrol.files.report import write_pictures_and_report

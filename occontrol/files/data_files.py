@@ -117,9 +117,10 @@ def _used(fields: list[str]) -> int:
 
 
 def _from_run(folder: Path) -> list[Segment]:
+    from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import read_run
 
-    _, solution = read_run(folder)
+    _, solution = read_run(folder, read_problem)
     schedule = solution.schedule
     if schedule is None:
         raise _wrong(str(folder), "the run folder holds no schedule")

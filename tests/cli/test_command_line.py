@@ -11,11 +11,10 @@ from pathlib import Path
 import pytest
 
 import occontrol
-from occontrol.api import choose_method
+from occontrol.api import choose_method, read_run
 from occontrol.cli import run
 from occontrol.core.errors import SolveFailed, UsageError
 from occontrol.core.solution import Solution, Status
-from occontrol.files.run_folder import read_run
 
 Captured = pytest.CaptureFixture[str]
 

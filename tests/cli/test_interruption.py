@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import read_run
 from occontrol.cli.watch import Watched, exit_code, progress_text, time_left, watched
-from occontrol.files.run_folder import read_run
 
 PROGRAM = "from occontrol.cli import main; main()"
 

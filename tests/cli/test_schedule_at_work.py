@@ -15,8 +15,8 @@ import pytest
 from scipy.io import loadmat
 
 import occontrol
+from occontrol.api import write_run
 from occontrol.cli import run
-from occontrol.files.run_folder import write_run
 
 ROOT = Path(__file__).resolve().parents[2]
 STANDALONE = ROOT / "docs" / "run_the_schedule.py"

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import write_run
 from occontrol.core.errors import FileAccessError, ProblemError
 from occontrol.core.measurement import Measurement
 from occontrol.core.plant import LinearPlant
@@ -17,7 +18,6 @@ from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.files.data_files import read_measurements, read_schedule
 from occontrol.files.problem_file import read_problem
-from occontrol.files.run_folder import write_run
 from occontrol.files.tables import write_measurements
 
 

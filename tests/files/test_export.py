@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from occontrol.api import write_run
 from occontrol.core.errors import FileAccessError, UsageError
 from occontrol.core.solution import Solution
 from occontrol.files.data_files import read_schedule
 from occontrol.files.export import FORMATS, export_run
-from occontrol.files.run_folder import write_run
 
 
 @pytest.fixture

@@ -34,9 +34,10 @@ def export_run(run: str | Path, to: str, out: str | Path | None = None) -> list[
     """
     if to not in FORMATS:
         raise UsageError(f"there is no format '{to}'\n  hint: there are: {', '.join(FORMATS)}")
+    from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import read_run
 
-    problem, solution = read_run(run)
+    problem, solution = read_run(run, read_problem)
     target = Path(run) / FORMATS[to] if out is None else Path(out)
     if target.is_dir() and Path(FORMATS[to]).suffix:
         target = target / FORMATS[to]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
+from occontrol.api import read_run, write_run
 from occontrol.core.errors import ProblemError
 from occontrol.families.hybrid import family as hybrid
 from occontrol.files.figures import compare_figure, figures_of
 from occontrol.files.plain_json import to_json
 from occontrol.files.problem_file import document, read_problem
-from occontrol.files.run_folder import read_run, write_run
 
 ROOT = Path(__file__).resolve().parents[3]
 NAMES = ("turning_target", "guarded_thermostat", "four_radars")

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from occontrol.api import solve
+from occontrol.api import read_run, solve
 from occontrol.cli import run
 from occontrol.core.errors import ProblemError
 from occontrol.files.figures import compare_figure, figures_of
 from occontrol.files.problem_file import document, read_problem
-from occontrol.files.run_folder import read_run
 
 ROOT = Path(__file__).parents[3]
 PROBLEMS = sorted(p for p in (ROOT / "problems").glob("*.yaml") if "family: vlambda" in p.read_text())
