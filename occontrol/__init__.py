@@ -13,6 +13,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from occontrol.core import compile_cache
+
 if TYPE_CHECKING:
     from occontrol.api import certify, plot, read_run, run_filter, simulate, solve, tradeoff, write_run
     from occontrol.core.errors import (
@@ -58,6 +60,8 @@ if TYPE_CHECKING:
     from occontrol.files.data_files import read_measurements, read_schedule
     from occontrol.files.export import export_run
     from occontrol.files.problem_file import read_problem
+
+compile_cache.guard()
 
 # module: the public names that it holds
 _HOME = {

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from occontrol.cli.output import note
+
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", show_default=False)]
 
 
@@ -21,9 +23,13 @@ def export(
     from occontrol.api import suggest
     from occontrol.core.errors import UsageError
     from occontrol.files.export import FORMATS, export_run
+    from occontrol.files.spreadsheet import any_quoted
 
     if to not in FORMATS:
         raise UsageError(f"there is no format '{to}'\n  hint: {suggest(to, FORMATS)}")
-    for path in export_run(run, to, out):
+    written = export_run(run, to, out)
+    for path in written:
         print(path)
+    if any_quoted(written):
+        note("names that a spreadsheet would compute are written with an apostrophe before them")
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +10,7 @@ from typing import Annotated
 import typer
 
 from occontrol.cli.output import print_pairs, print_table
-from occontrol.cli.solve import ProblemFile
+from occontrol.cli.solve import ProblemFile, StrictFlag
 
 FamilyName = Annotated[
     str, typer.Argument(metavar="FAMILY", help="A family that `occontrol list` names.", show_default=False)
@@ -64,6 +65,7 @@ def init(
     from occontrol.api import suggest
     from occontrol.core.errors import FileAccessError, UsageError
     from occontrol.families import FAMILIES
+    from occontrol.files.atomic import write_text
 
     if family not in FAMILIES:
         raise UsageError(f"there is no family '{family}'\n  hint: {suggest(family, FAMILIES)}")
@@ -71,17 +73,16 @@ def init(
     if not template.exists():
         raise UsageError(f"there is no template for family {family} yet")
     target = file or Path(f"{family}.yaml")
-    try:
-        with open(target, "x", encoding="utf-8") as out:
-            out.write(template.read_text(encoding="utf-8"))
-    except FileExistsError:
-        raise FileAccessError(f"{target} exists already, it was left as it is\n  hint: name another file") from None
+    if os.path.lexists(target):
+        raise FileAccessError(f"{target} exists already, it was left as it is\n  hint: name another file")
+    write_text(target, template.read_text(encoding="utf-8"))
     print(f"{target} written; next: occontrol solve {target}")
     return 0
 
 
-def check(file: ProblemFile) -> int:
+def check(file: ProblemFile, strict: StrictFlag = False) -> int:
     """Validate a problem file and show what it says, without solving it."""
+    from occontrol.cli.warn import warn_of
     from occontrol.families import family_module
     from occontrol.files.problem_file import read_problem
 
@@ -89,6 +90,7 @@ def check(file: ProblemFile) -> int:
     print_pairs(
         [("problem", f"{problem.name} (family {problem.family})"), *family_module(problem.family).describe(problem)]
     )
+    warn_of(problem, file, strict)
     if hasattr(problem, "require_feasible"):
         problem.require_feasible()
     return 0

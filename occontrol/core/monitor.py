@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass
@@ -19,6 +20,8 @@ class Monitor:
     history : the records so far
     stage : what is being done, in a word
     interrupted : set by a signal handler (to the signal's number); the solver returns its best so far
+    resume : an earlier Solution of the same problem to go on from, or None
+    resumed : set by the solver that has gone on from it; the others begin anew
     """
 
     show: Callable[[Mapping], None] | None = None
@@ -27,6 +30,8 @@ class Monitor:
     started: float = field(default_factory=time.perf_counter)
     history: list[dict] = field(default_factory=list)
     stage: str = ""
+    resume: Any = None
+    resumed: bool = False
 
     @property
     def seconds(self) -> float:

@@ -30,7 +30,7 @@ def check_names(names: Iterable[object], kind: str, place: str, taken: frozenset
     Parameters
     ----------
     names : as they stand in the file
-    kind : what they name, "array"
+    kind : what each of them names, "an array"
     place : the file
     taken : plain names that mean something else already
     """
@@ -41,9 +41,9 @@ def check_names(names: Iterable[object], kind: str, place: str, taken: frozenset
     for name in wrong[:20]:
         text = printable(str(name))[:80]
         if is_name(name):
-            mistakes.append(Mistake((), f"the {kind} name '{text}' is taken", "use another name", place=place))
+            mistakes.append(Mistake((), f"the name '{text}' of {kind} is taken", "use another name", place=place))
         else:
-            mistakes.append(Mistake((), f"'{text}' is not a name for a {kind}", HINT, place=place))
+            mistakes.append(Mistake((), f"'{text}' is no name for {kind}", HINT, place=place))
     if len(wrong) > 20:
         mistakes.append(Mistake((), f"and {len(wrong) - 20} more names that are none", place=place))
     raise ProblemError(mistakes)

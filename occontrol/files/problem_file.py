@@ -87,6 +87,7 @@ def load_document(path: str | Path) -> LoadedDocument:
     """Read and parse a problem file and find its family; nothing is built yet."""
     from occontrol.files.json_text import read_json
     from occontrol.files.schema import SCHEMAS, schema_for
+    from occontrol.files.schema.crowd import family_in, refuse_crowd
     from occontrol.files.schema.words import shown, suggest
     from occontrol.files.yaml_text import read_yaml
 
@@ -97,6 +98,8 @@ def load_document(path: str | Path) -> LoadedDocument:
         raise at(str(path), 1, 1, f"the file name ends in '{suffix}'", "problem files end in .yaml, .yml or .json")
     is_json = suffix == ".json"
     source = read_text(path, MAX_JSON if is_json else MAX_YAML, "problem file")
+    if not is_json and (crowded := family_in(source)) in SCHEMAS:
+        refuse_crowd(source, str(path), list(schema_for(str(crowded)).Document.model_fields))
     text = (read_json if is_json else read_yaml)(source, str(path))
     if not isinstance(text.data, dict):
         raise at(

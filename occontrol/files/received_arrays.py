@@ -59,7 +59,7 @@ def read_arrays(file: BinaryIO, place: str, names: bool = True) -> dict[str, np.
         with zipfile.ZipFile(file) as archive:
             members = _members(archive, place)
             if names:
-                check_names(members, "array", place, TAKEN)
+                check_names(members, "an array", place, TAKEN)
             claims = {name: claim(archive, info, place) for name, info in members.items()}
             total = sum(info.file_size for info in members.values())
             if total > max(PACKED, length):

@@ -27,10 +27,12 @@ from occontrol.files.received_arrays import read_arrays
 from occontrol.files.run_choice import Place, ends_interruption, place_for, problem_digest
 from occontrol.files.run_lock import check_writable, locked
 from occontrol.files.run_read import in_one_piece, open_file
-from occontrol.files.run_record import ARRAYS, PROBLEM, PROVENANCE, RESULT
+from occontrol.files.run_record import ARRAYS, KNOWN, PROBLEM, PROVENANCE, RESULT
 from occontrol.files.run_store import discard, staged
 
-__all__ = ["ARRAYS", "PROBLEM", "RESULT", "Placed", "check_writable", "locked", "place_run", "read_run", "write_run"]
+__all__ = [
+    "ARRAYS", "KNOWN", "PROBLEM", "RESULT", "Placed", "check_writable", "locked", "place_run", "read_run", "write_run",
+]  # fmt: skip
 _OWN_KEYS = (
     "family", "status", "message", "method", "iterations", "seconds", "history", "versions", "digest", "files",
 )  # fmt: skip
@@ -123,7 +125,7 @@ def _write(
 
 def _write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """An .npz without pickles whose bytes depend on nothing but the arrays."""
-    check_names(arrays, "array", str(path))
+    check_names(arrays, "an array", str(path))
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name in sorted(arrays):
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as file:
@@ -166,7 +168,7 @@ def _read(folder: Path, locate: Callable[[str], Path], read_problem: Callable[[P
     if not isinstance(recorded, dict):
         what = "result.json does not say which files belong to it"
         raise ProblemError(Mistake((), what, place=str(shown[RESULT])))
-    check_names(_columns(content.get("schedule")), "column of the schedule", str(shown[RESULT]))
+    check_names(_columns(content.get("schedule")), "a column of the schedule", str(shown[RESULT]))
     with open_file(paths[PROBLEM], shown[PROBLEM]) as file:
         _must_belong(file, PROBLEM, recorded, shown[PROBLEM])
     problem = read_problem(paths[PROBLEM])

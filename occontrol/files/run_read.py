@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import BinaryIO, TypeVar
 
 from occontrol.core.errors import FileAccessError, Mistake, ProblemError
-from occontrol.files.run_record import PROBLEM, RESULT
+from occontrol.files.run_record import PROBLEM, PROVENANCE, RESULT
 from occontrol.files.run_store import COMMITTED, current_run
 
 T = TypeVar("T")
 TRIES = 50  # a reader that is overtaken this often gives up
-LARGEST = {PROBLEM: 64 * 2**20, RESULT: 256 * 2**20}
+LARGEST = {PROBLEM: 64 * 2**20, RESULT: 256 * 2**20, PROVENANCE: 2**20}
 
 
 def in_one_piece(folder: Path, read: Callable[[Callable[[str], Path]], T]) -> T:

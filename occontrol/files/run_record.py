@@ -14,7 +14,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
-from occontrol.core.errors import ProblemError
+from occontrol.core.errors import ProblemError, UsageError
+from occontrol.files.atomic import refuse_same
 from occontrol.files.plain_json import load_json
 
 PROBLEM, RESULT, ARRAYS = "problem.json", "result.json", "arrays.npz"
@@ -43,6 +44,20 @@ def remove_run(path: Path) -> None:
         with suppress(OSError):
             if not folder.is_symlink():
                 os.rmdir(folder)
+
+
+def refuse_run_files(run: Path, target: Path) -> None:
+    """UsageError when `target` is one of the files that make the run folder `run`, or lies where they are kept.
+
+    Parameters
+    ----------
+    run : a run folder
+    target : file or folder that will be written
+    """
+    refuse_same([target], [run / name for name in KNOWN])
+    for kept in (run / ".runs", run / "current", run / FIGURES):
+        if kept.is_dir() and target.resolve().is_relative_to(kept.resolve()):
+            raise UsageError(f"{target} lies where {run} keeps its results\n  hint: name another output")
 
 
 def recorded_files(folder: Path) -> dict[str, str]:

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from occontrol.core.errors import FileAccessError, ProblemError
-from occontrol.files.atomic import flush_folder, sweep
+from occontrol.files.atomic import WRITTEN, flush_folder, sweep
 from occontrol.files.owner import left_by_the_dead, mark
 from occontrol.files.run_lock import RUNS, own_folder
 from occontrol.files.run_record import (
@@ -102,6 +102,7 @@ def staged(folder: Path) -> Iterator[Path]:
             raise
         flush_folder(runs)
         _show(folder, number)
+        WRITTEN.append(folder)
     except OSError as error:
         raise FileAccessError(f"cannot write to {folder}: {error.strerror or error}") from error
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from occontrol.core.memory import size
+from occontrol.families.athans.need import need
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.transition import transitions
 
@@ -51,8 +53,8 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
     together, worst = _observability(problem)
     found.append(("observability", f"all sensors together: rank {together} of {n} over the horizon{worst}"))
     flops = N * (4 * n**3 + 6 * n * n * max(1, problem.output.shape[0]) + 4 * rows * n)
-    memory = 8 * N * n * n / 1e6
-    found.append(("work", f"about {flops / 1e6:.3g} Mflop a sweep, {memory:.3g} MB of covariances; tens of sweeps"))
+    work = f"about {flops / 1e6:.3g} Mflop a sweep, tens of sweeps; {size(need(problem))} of memory, libraries included"
+    found.append(("work", work))
     return found
 
 

@@ -76,7 +76,7 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
         return _collocate(problem, method, monitor)
     monitor.stage = "relaxation"
     limits = RelaxedOptions(method.relative_gap, getattr(method, "max_iterations", 500))
-    relaxed = minimise_relaxed(sweep, None, limits, monitor)
+    relaxed = minimise_relaxed(sweep, _begin(problem, monitor), limits, monitor)
     message = _STALLED if relaxed.stalled else ""
     if isinstance(method, Relaxed):
         return Found(relaxed.weights, relaxed.iterations, relaxed.status, message, relaxed, proves=True)
@@ -127,6 +127,23 @@ def run_method(problem: SchedulingProblem, method: Any, sweep: Sweep, monitor: M
     elif isinstance(method, Greedy):
         found.weights = baselines.greedy(r)
     return found
+
+
+def _begin(problem: SchedulingProblem, monitor: Monitor) -> np.ndarray | None:
+    """(N, M) the relaxed policy of the earlier solution that the monitor brings, or None to begin anew."""
+    earlier = monitor.resume
+    if earlier is None:
+        return None
+    weights = earlier.arrays.get("relaxed_weights", earlier.arrays.get("weights"))
+    same_grid = earlier.schedule is not None and np.array_equal(earlier.schedule.edges, problem.edges)
+    fits = same_grid and weights is not None and weights.shape == problem.upper.shape
+    if not fits or not np.all(np.isfinite(weights)):
+        return None
+    inside = np.all((weights >= 0) & (weights <= problem.upper + 1e-9))
+    if not inside or not np.allclose(weights.sum(axis=1), problem.select, atol=1e-6):
+        return None
+    monitor.resumed = True
+    return np.minimum(np.array(weights, dtype=float), problem.upper)
 
 
 _STALLED = (

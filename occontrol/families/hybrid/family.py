@@ -14,7 +14,7 @@ from occontrol.core.solution import Solution
 from occontrol.families.hybrid.data import run_filter, simulate
 from occontrol.families.hybrid.methods import Alternate, ExpectedCovariance, Fixed, Random, Scheduled
 from occontrol.families.hybrid.problem import Problem
-from occontrol.families.hybrid.runs import assemble, experiment
+from occontrol.families.hybrid.runs import assemble, experiment, last_report
 
 __all__ = [
     "COLUMNS",
@@ -98,7 +98,7 @@ def _best_fixed(problem: Problem, method: Fixed, monitor: Monitor, started: floa
     result = {**best.result, "candidates": candidates}
     message = f"{best.result['sensor']} is the best of {len(solutions)} in average RMS; {best.message}"
     seconds = time.perf_counter() - started
-    return dataclasses.replace(best, result=result, message=message, seconds=seconds, history=tuple(monitor.history))
+    return dataclasses.replace(best, result=result, message=message, seconds=seconds, history=last_report(monitor))
 
 
 def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:

@@ -112,7 +112,7 @@ def assemble(
         result=result,
         arrays=_arrays(problem, outcomes, first, schedule, frequency @ member),
         schedule=schedule,
-        history=tuple(monitor.history),
+        history=last_report(monitor),
         problem=problem,
     )
 
@@ -147,6 +147,16 @@ def _arrays(
     if outcomes.squared.size <= KEPT:
         arrays["position_error"] = np.sqrt(outcomes.squared)
     return arrays
+
+
+def last_report(monitor: Monitor) -> tuple[dict, ...]:
+    """The last record of progress: how many rounds came before it depends on the machine's speed, not on the runs.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    """
+    return tuple(monitor.history[-1:])
 
 
 def first_scores(problem: Problem, tried: Experiment) -> dict[str, float]:

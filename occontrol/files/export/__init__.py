@@ -36,11 +36,13 @@ def export_run(run: str | Path, to: str, out: str | Path | None = None) -> list[
         raise UsageError(f"there is no format '{to}'\n  hint: there are: {', '.join(FORMATS)}")
     from occontrol.files.problem_file import read_problem
     from occontrol.files.run_folder import read_run
+    from occontrol.files.run_record import refuse_run_files
 
-    problem, solution = read_run(run, read_problem)
     target = Path(run) / FORMATS[to] if out is None else Path(out)
     if target.is_dir() and Path(FORMATS[to]).suffix:
         target = target / FORMATS[to]
+    refuse_run_files(Path(run), target)
+    problem, solution = read_run(run, read_problem)
     try:
         return importlib.import_module(f"occontrol.files.export.{to}").write(problem, solution, target)
     except OSError as error:

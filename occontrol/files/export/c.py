@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.solution import Solution
+from occontrol.files.atomic import write_text
 from occontrol.files.export.contents import filter_arrays
 
 PREFIX = "occontrol_"
@@ -43,8 +44,7 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
             lines += ["", *_definition(PREFIX + re.sub(r"\W", "_", name), array)]
     lines += ["", "#endif", ""]
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text("\n".join(lines), encoding="ascii")
-    return [target]
+    return [write_text(target, "\n".join(lines))]
 
 
 def _text(name: str) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from occontrol.core.solution import Solution
+from occontrol.files.atomic import write_text
 from occontrol.files.export.contents import filter_arrays
 from occontrol.files.plain_json import to_json
 
@@ -30,5 +31,4 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
         "filter": filter_arrays(problem, solution),
     }
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(to_json(content), encoding="utf-8")
-    return [target]
+    return [write_text(target, to_json(content))]

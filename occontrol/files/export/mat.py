@@ -9,6 +9,7 @@ import numpy as np
 
 from occontrol.core.errors import UsageError
 from occontrol.core.solution import Solution
+from occontrol.files.atomic import replacing
 from occontrol.files.export.contents import filter_arrays
 
 LONGEST = 31  # characters of a field's name that MATLAB reads
@@ -43,7 +44,7 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
         "filter": tables,
     }
     target.parent.mkdir(parents=True, exist_ok=True)
-    with open(target, "wb") as file:
+    with replacing(target) as file:
         savemat(file, content, long_field_names=False, do_compression=True, oned_as="column")
     return [target]
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.solution import Solution
+from occontrol.files.atomic import replacing
 from occontrol.files.export.contents import filter_arrays
 
 
@@ -24,6 +25,6 @@ def write(problem: Any, solution: Solution, target: Path) -> list[Path]:
     content = {**solution.arrays, "sensors": np.array(list(names), dtype=np.str_)}
     content |= {f"filter_{name}": value for name, value in filter_arrays(problem, solution).items()}
     target.parent.mkdir(parents=True, exist_ok=True)
-    with open(target, "wb") as file:
+    with replacing(target) as file:
         np.savez_compressed(file, **content)  # type: ignore[arg-type]
     return [target]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from occontrol.core.solution import Solution
+from occontrol.files.atomic import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,4 +45,5 @@ def estimate_figures(problem: Any, solution: Solution, estimate: Any, truth: Any
 
 def save(figure: Figure, path: Path) -> None:
     """Write `figure` as a picture to `path`, in the format that its suffix names."""
-    figure.savefig(path, dpi=150, facecolor="white")
+    with replacing(path) as file:
+        figure.savefig(file, dpi=150, facecolor="white", format=Path(path).suffix.removeprefix(".") or "png")
