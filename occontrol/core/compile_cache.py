@@ -7,8 +7,6 @@ nothing itself: a folder for this user below the temporary one takes their place
 
 from __future__ import annotations
 
-import importlib.abc
-import importlib.util
 import os
 import stat
 import sys
@@ -26,7 +24,7 @@ def guard() -> None:
     if _WATCHED in sys.modules:
         _soften(sys.modules[_WATCHED])
     elif not any(isinstance(finder, _Finder) for finder in sys.meta_path):
-        sys.meta_path.insert(0, _Finder())
+        sys.meta_path.insert(0, _Finder())  # type: ignore[arg-type]
 
 
 def remark() -> str:
@@ -39,12 +37,14 @@ def _note(text: str) -> None:
         _remarks.append(text)
 
 
-class _Finder(importlib.abc.MetaPathFinder):
+class _Finder:
     """Waits for numba's dispatcher and hands it to `_soften` once it is loaded."""
 
     def find_spec(self, name: str, path: Any, target: ModuleType | None = None) -> ModuleSpec | None:
         if name != _WATCHED:
             return None
+        import importlib.util
+
         sys.meta_path.remove(self)
         spec = importlib.util.find_spec(name)
         loader = None if spec is None else spec.loader
