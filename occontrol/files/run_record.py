@@ -55,6 +55,8 @@ def refuse_run_files(run: Path, target: Path) -> None:
     target : file or folder that will be written
     """
     refuse_same([target], [run / name for name in KNOWN])
+    if any(parent.is_file() for parent in target.parents):
+        return  # nothing can be written there
     for kept in (run / ".runs", run / "current", run / FIGURES):
         if kept.is_dir() and target.resolve().is_relative_to(kept.resolve()):
             raise UsageError(f"{target} lies where {run} keeps its results\n  hint: name another output")
