@@ -62,7 +62,8 @@ def _locate(folder: Path, base: Path | None, name: str) -> Path:
     if base is None and (folder / COMMITTED / name).exists() and not (folder / COMMITTED).is_symlink():
         base = folder / COMMITTED
     path = (base or folder) / name
-    if not path.exists():
+    # whoever takes away the path that everybody knows has taken the file away
+    if not path.exists() or not os.path.lexists(folder / name):
         hint = "occontrol solve FILE --out DIR writes a run folder"
         if not folder.is_dir():
             raise FileAccessError(f"{folder}: no such run folder\n  hint: {hint}")
