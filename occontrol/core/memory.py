@@ -43,7 +43,7 @@ def require(need: int, what: str, hint: str) -> None:
     """
     there = available()
     if there is not None and need > there:
-        raise ProblemError(Mistake((), f"{what} needs about {size(need)} of memory, {size(there)} are there", hint))
+        raise ProblemError(Mistake((), f"{what} needs at least {size(need)} of memory, {size(there)} are there", hint))
 
 
 def size(count: float) -> str:

@@ -40,4 +40,5 @@ def require_memory(problem: SchedulingProblem) -> None:
     """
     n, N, M = problem.states, problem.intervals, len(problem.sensors)
     what = f"a solve with {n} states, {M} sensors and {N} intervals"
-    require(need(problem), what, "fewer intervals, fewer states (a reduced model), or a machine with more memory")
+    # the count is right within a factor of about two: refused is only what cannot fit
+    require(need(problem) // 2, what, "fewer intervals, fewer states (a reduced model), or a machine with more memory")
