@@ -17,6 +17,10 @@ import importlib
 from collections.abc import Mapping
 from typing import Any
 
+from occontrol.core import compile_cache
+
+compile_cache.guard()
+
 # module: the public names that it holds
 _COMMON: Mapping[str, tuple[str, ...]] = {
     "api": (

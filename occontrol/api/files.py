@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,19 @@ def read_problem(path: str | Path) -> Any:
     return loaded.build(check)
 
 
+def placed(path: str | Path, mistakes: Sequence[Mistake]) -> ProblemError:
+    """Mistakes with paths in the problem document, as a ProblemError that names their lines in its file.
+
+    Parameters
+    ----------
+    path : the problem file
+    mistakes : of the problem that was read from it
+    """
+    from occontrol.files.problem_file import load_document
+
+    return load_document(path, names(), lambda name: find_family(name).schema()).text.placed(list(mistakes))
+
+
 def document(problem: Any) -> dict[str, Any]:
     """The problem as a JSON-able dict with all tables embedded; reading it back gives the identical problem."""
     return family_of(problem).schema().document(problem)
@@ -62,7 +75,8 @@ def write_run(
     solution : Solution
     extras : called with the folder under construction and the content of result.json, to add pictures and the like
 
-    Raises FileAccessError when the folder cannot be written.
+    An interrupted result that is worse than the one in the folder goes to DIR/interrupted instead.
+    Raises FileAccessError when the folder cannot be written, or is in use by another process.
     """
     from occontrol.files import run_folder
 

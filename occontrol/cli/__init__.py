@@ -1,49 +1,14 @@
-"""The command line: parse, one library call, print. One file per command or small group of commands."""
+"""The command line: parse, one library call, print. One file per command or small group of commands.
+
+Nothing heavy is imported here: the handlers of signals stand before the libraries are loaded.
+"""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
-
-import typer
-
-from occontrol.cli import certify, compare, export, filter, problems, simulate, solve, tradeoff
-
-HELP = "Optimal sensor scheduling, with a proven lower bound beside every schedule."
-
-app = typer.Typer(
-    name="occontrol",
-    help=HELP,
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-COMMANDS = {
-    "list": problems.list_all,
-    "init": problems.init,
-    "check": problems.check,
-    "solve": solve.solve,
-    "certify": certify.certify,
-    "simulate": simulate.simulate,
-    "filter": filter.filter_measurements,
-    "compare": compare.compare,
-    "export": export.export,
-    "tradeoff": tradeoff.tradeoff,
-}
-for _name, _function in COMMANDS.items():
-    app.command(_name)(_function)
-
-
-@app.callback(invoke_without_command=True)
-def _root(version: bool = typer.Option(False, "--version", help="Print the version and stop.")) -> None:
-    """Optimal sensor scheduling, with a proven lower bound beside every schedule."""
-    if version:
-        from importlib.metadata import version as installed
-
-        typer.echo(f"occontrol {installed('occontrol')}")
-        raise typer.Exit()
+from types import FrameType
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -53,8 +18,12 @@ def main(arguments: list[str] | None = None) -> None:
     ----------
     arguments : the words after `occontrol`; those of the process if left out
     """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, leave)
     prepare()
     code = run(sys.argv[1:] if arguments is None else arguments)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # the work is done and has its code
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -62,6 +31,24 @@ def main(arguments: list[str] | None = None) -> None:
         if not isinstance(error, BrokenPipeError):
             code = _report(f"cannot write to standard output: {error.strerror}", 8)
     sys.exit(code)
+
+
+def leave(number: int, frame: FrameType | None) -> None:
+    """End the process at once with one line, wherever a signal finds it outside of a solve.
+
+    An exception could be swallowed by the import or the callback that it is raised in; unfinished files are swept by
+    the next write.
+
+    Parameters
+    ----------
+    number : of the signal
+    frame : where it was
+    """
+    atomic = sys.modules.get("occontrol.files.atomic")
+    written = [str(path) for path in getattr(atomic, "WRITTEN", ())]
+    text = f"interrupted; complete: {', '.join(written)}" if written else "interrupted, nothing written"
+    os.write(2, f"{text}\n".encode("utf-8", "backslashreplace"))
+    os._exit(128 + number)
 
 
 def prepare() -> None:
@@ -91,10 +78,16 @@ def run(arguments: list[str]) -> int:
     ----------
     arguments : the words after `occontrol`
     """
+    import typer
+
+    from occontrol.cli.application import app
+    from occontrol.core import compile_cache
     from occontrol.core.errors import OccontrolError
 
     try:
         code = app(arguments, prog_name="occontrol", standalone_mode=False)
+        if compile_cache.remark():
+            print(f"note: {compile_cache.remark()}", file=sys.stderr)
         return code if isinstance(code, int) else 0
     except OccontrolError as error:
         return _report(str(error), error.exit_code)
@@ -106,11 +99,13 @@ def run(arguments: list[str]) -> int:
         return _report(f"{name}{error.strerror or error}", 8)
     except SystemExit as error:  # what the parser makes of a reader that has left
         return 0 if error.code == 1 else int(error.code or 0)
-    except (KeyboardInterrupt, typer.Abort):
+    except KeyboardInterrupt:
         return _report("interrupted, nothing written", 130)
     except MemoryError:
-        return _report("out of memory\n  hint: fewer intervals or sensors", 6)
+        return _report("out of memory\n  hint: fewer intervals or sensors, or more memory; check says the need", 6)
     except Exception as error:
+        if isinstance(error, typer.Abort) and not isinstance(error.__cause__, EOFError):  # the parser's Ctrl-C
+            return _report("interrupted, nothing written", 130)
         if hasattr(error, "show") and hasattr(error, "exit_code"):  # the parser's own mistakes
             error.show()  # type: ignore[attr-defined]
             return error.exit_code  # type: ignore[attr-defined]

@@ -30,9 +30,11 @@ def compare(
     from occontrol.api import choose_method, family_of, read_problem
     from occontrol.cli.watch import exit_code, watched
     from occontrol.core.errors import SolveFailed, UsageError
+    from occontrol.files.atomic import refuse_same
     from occontrol.files.run_folder import check_writable
 
     folder = out or Path("runs") / f"{file.stem}-compare"
+    refuse_same([folder / "compare.json", folder / "compare.png"], [file])
     problem = read_problem(file)
     family = family_of(problem)
     check_writable(folder)
@@ -145,12 +147,13 @@ def _print(rows: list[dict[str, Any]], named: Sequence[str] = ()) -> None:
 def _write(folder: Path, problem: Any, solutions: dict[str, Solution], rows: list[dict[str, Any]], quiet: bool) -> None:
     from occontrol.api import compare_figure
     from occontrol.core.errors import FileAccessError
+    from occontrol.files.atomic import write_text
     from occontrol.files.figures import save
     from occontrol.files.plain_json import to_json
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "compare.json").write_text(to_json(rows), encoding="utf-8")
+        write_text(folder / "compare.json", to_json(rows))
         # where no method has anything usable there is nothing to draw
         usable = any(s.status.exit_code in (0, 5) for s in solutions.values())
         figure = compare_figure(problem, solutions) if usable else None

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from occontrol.cli.output import note
+
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", show_default=False)]
 
 
@@ -19,7 +21,11 @@ def export(
 ) -> int:
     """Write schedule, gains, covariance and the rest of a run for another tool."""
     from occontrol.api import export_run
+    from occontrol.files.spreadsheet import any_quoted
 
-    for path in export_run(run, to, out):
+    written = export_run(run, to, out)
+    for path in written:
         print(path)
+    if any_quoted(written):
+        note("names that a spreadsheet would compute are written with an apostrophe before them")
     return 0

@@ -36,9 +36,15 @@ def filter_measurements(
     """Estimate the state, and predict the output, from a file of measurements; the run folder is all it needs."""
     from occontrol.api import family_of, read_measurements, read_run, run_filter
     from occontrol.core.errors import ProblemError
+    from occontrol.files.atomic import refuse_same
+    from occontrol.files.run_record import refuse_run_files
     from occontrol.files.tables import write_estimate
     from occontrol.files.truth_file import read_truth
 
+    beside = measurements.with_name(measurements.stem + ".truth.csv")
+    source = truth or (beside if beside.exists() else None)
+    refuse_same([out], [measurements, source])
+    refuse_run_files(run, out)
     problem, solution = read_run(run)
     samples = read_measurements(measurements, problem)
     options = {name: value for name, value in (("model", model), ("gate", gate)) if value is not None}
@@ -46,8 +52,6 @@ def filter_measurements(
         estimate = run_filter(problem, solution, samples, **options)
     except ProblemError as error:
         raise ProblemError([_in_file(m, measurements) for m in error.mistakes]) from None
-    beside = measurements.with_name(measurements.stem + ".truth.csv")
-    source = truth or (beside if beside.exists() else None)
     known = None if source is None else read_truth(source, estimate.times, estimate.mean.shape[1])
     write_estimate(out, estimate)
     for remark in estimate.notes:

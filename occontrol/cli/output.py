@@ -95,7 +95,12 @@ def print_json(value: object) -> None:
     """
     from occontrol.files.plain_json import to_json
 
-    sys.stdout.write(to_json(value))
+    text = to_json(value)
+    try:
+        text.encode(sys.stdout.encoding or "ascii")
+    except (UnicodeError, LookupError):  # escapes are JSON on every console
+        text = to_json(value, ascii_only=True)
+    sys.stdout.write(text)
     sys.stdout.flush()
 
 

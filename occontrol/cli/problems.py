@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +10,7 @@ from typing import Annotated
 import typer
 
 from occontrol.cli.output import print_pairs, print_table
-from occontrol.cli.solve import ProblemFile
+from occontrol.cli.solve import ProblemFile, StrictFlag
 
 FamilyName = Annotated[
     str, typer.Argument(metavar="FAMILY", help="A family that `occontrol list` names.", show_default=False)
@@ -57,24 +58,25 @@ def init(
     """Write a commented problem file that solves as it stands; never over an existing file."""
     from occontrol.core.errors import FileAccessError
     from occontrol.families import find_family, template
+    from occontrol.files.atomic import write_text
 
     source = template(find_family(family).name)
     target = file or Path(f"{family}.yaml")
-    try:
-        with open(target, "x", encoding="utf-8") as out:
-            out.write(source.read_text(encoding="utf-8"))
-    except FileExistsError:
-        raise FileAccessError(f"{target} exists already, it was left as it is\n  hint: name another file") from None
+    if os.path.lexists(target):
+        raise FileAccessError(f"{target} exists already, it was left as it is\n  hint: name another file")
+    write_text(target, source.read_text(encoding="utf-8"))
     print(f"{target} written; next: occontrol solve {target}")
     return 0
 
 
-def check(file: ProblemFile) -> int:
+def check(file: ProblemFile, strict: StrictFlag = False) -> int:
     """Validate a problem file and show what it says, without solving it."""
     from occontrol.api import family_of, read_problem
+    from occontrol.cli.warn import warn_of
 
     problem = read_problem(file)
     family = family_of(problem)
     print_pairs([("problem", f"{problem.name} (family {family.name})"), *family.describe(problem)])
+    warn_of(problem, file, strict)
     family.require_feasible(problem)
     return 0

@@ -26,15 +26,19 @@ def simulate(
     from occontrol.api import simulate as call_simulate
     from occontrol.cli.watch import watched
     from occontrol.core.errors import FileAccessError, ProblemError
+    from occontrol.files.atomic import refuse_same
     from occontrol.files.plain_json import to_json
     from occontrol.files.run_folder import RESULT, check_writable
+    from occontrol.files.run_record import refuse_run_files
     from occontrol.files.tables import write_measurements, write_truth
 
+    beside, folder = out.with_name(out.stem + ".truth.csv"), run or default_folder(file)
+    refuse_same([out, beside], [file])
+    refuse_run_files(folder, out)
     problem, solution = read_problem(file), None
     if not out.parent.is_dir():
         raise FileAccessError(f"cannot write {out}: there is no folder {out.parent}")
     check_writable(out.parent)
-    folder = run or default_folder(file)
     if run is not None or (folder / RESULT).exists():
         of_run, solution = read_run(folder)
         if to_json(document(of_run)) != to_json(document(problem)):
@@ -49,7 +53,6 @@ def simulate(
             raise KeyboardInterrupt
     measurements, truth = call_simulate(problem, solution, seed)
     write_measurements(out, measurements)
-    beside = out.with_name(out.stem + ".truth.csv")
     write_truth(beside, truth)
     note(f"{len(measurements)} measurements in {out}, the truth in {beside}")
     return 0

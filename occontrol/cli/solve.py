@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,11 +13,14 @@ from occontrol.cli.output import note, print_json, print_pairs
 if TYPE_CHECKING:
     from occontrol.cli.watch import Watched
     from occontrol.core.solution import Solution
+    from occontrol.files.run_folder import Placed
 
 ProblemFile = Annotated[Path, typer.Argument(metavar="FILE", help="Problem file.", show_default=False)]
 JsonFlag = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON, and nothing else, on standard output.")
 ]
+
+StrictFlag = Annotated[bool, typer.Option("--strict", help="Warnings are mistakes (exit 3).")]
 
 
 def solve(
@@ -25,21 +29,33 @@ def solve(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder [default: runs/FILE's name].")] = None,
     json: JsonFlag = False,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the figures.")] = True,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the interrupted result of the folder.")] = False,
+    strict: StrictFlag = False,
+    log: Annotated[Path | None, typer.Option("--log", metavar="FILE", help="Progress as JSON lines.")] = None,
 ) -> int:
     """Find a schedule, prove a bound, write both to a run folder with figures.
 
-    Ctrl-C once keeps the best so far, twice aborts.
+    Ctrl-C once keeps the best so far, twice aborts. What is interrupted never replaces a better result.
     """
     from occontrol.api import choose_method, read_problem
+    from occontrol.cli.warn import warn_of
     from occontrol.cli.watch import exit_code, watched
     from occontrol.core.errors import FileAccessError, InfeasibleError, SolveFailed
     from occontrol.core.solution import Status
-    from occontrol.files.run_folder import check_writable
+    from occontrol.files.atomic import refuse_same
+    from occontrol.files.run_folder import KNOWN, locked
 
     folder = default_folder(file) if out is None else out
-    with watched() as monitor:
+    refuse_same([folder / name for name in KNOWN], [file])
+    if log is not None:
+        refuse_same([log], [file, *(folder / name for name in KNOWN)])
+    with watched(log) as monitor, ExitStack() as held:
         problem = read_problem(file)
-        check_writable(folder)
+        if strict:
+            warn_of(problem, file, strict)
+        held.enter_context(locked(folder))
+        if resume:
+            monitor.resume = _earlier(folder, problem)
         try:
             solution = run_method(problem, method, monitor)
         except (InfeasibleError, SolveFailed) as error:
@@ -50,20 +66,27 @@ def solve(
                 )
             raise
         usable = solution.status not in (Status.INFEASIBLE, Status.FAILED)
+        if resume and not monitor.resumed:
+            note("nothing to go on from was found, or this method begins anew: it was solved from the beginning")
         content: dict[str, Any] = solution.as_dict()
         trouble: FileAccessError | None = None
+        written: Path | None = None
         if usable:
+            # whoever interrupts wants to go on, the numbers are what must not be lost
+            drawn = figures and not monitor.interrupted
             try:
-                # whoever interrupts wants to go on, the numbers are what must not be lost
-                content = write_with_figures(folder, solution.problem, solution, figures and not monitor.interrupted)
-                if figures and monitor.interrupted:
+                placed = write_with_figures(folder, problem, solution, drawn)
+                content, written = placed.content, placed.folder
+                if figures and not drawn:
                     note("interrupted: no figures were drawn")
+                if placed.remark:
+                    note(f"{placed.remark}; " + (f"this one is in {written}" if written else "this one is not written"))
             except FileAccessError as error:
                 trouble = error  # the numbers are still worth printing
         if json:
             print_json(content)
         else:
-            _print_summary(solution.problem, solution, folder if usable and trouble is None else None)
+            _print_summary(solution.problem, solution, written)
         if trouble is not None:
             raise trouble
         code = exit_code(monitor, solution.status.exit_code)
@@ -100,27 +123,47 @@ def run_method(problem: Any, name: str | None, monitor: Watched) -> Solution:
     return call_solve(problem, method, monitor)
 
 
-def write_with_figures(folder: Path, problem: Any, solution: Solution, figures: bool = True) -> dict[str, Any]:
-    """Write the run folder with pictures and report; return the content of result.json.
+def _earlier(folder: Path, problem: Any) -> Solution | None:
+    """What a resumed solve goes on from: DIR/interrupted, else DIR, if it is a result of the same problem."""
+    from occontrol.api import document, read_run
+    from occontrol.core.errors import OccontrolError
+    from occontrol.files.run_choice import problem_digest, recorded_result
+
+    wanted = problem_digest(document(problem))
+    for candidate in (folder / "interrupted", folder):
+        try:
+            of_run, solution = read_run(candidate)
+        except OccontrolError:
+            continue
+        # a solver may have added edges to the problem that the folder holds: the digest is that of the one posed
+        digest = (recorded_result(candidate) or {}).get("digest") or problem_digest(document(of_run))
+        if digest == wanted:
+            return solution
+    return None
+
+
+def write_with_figures(folder: Path, problem: Any, solution: Solution, figures: bool = True) -> Placed:
+    """Write the run folder with pictures and report; return where it went.
 
     Parameters
     ----------
     folder : the run folder
-    problem : the problem
+    problem : the problem as it was posed; the solution's own is written, to which edges may have been added
     solution : Solution
     figures : whether to draw
 
     A picture that cannot be drawn is announced; it never costs the user the result.
     """
-    from occontrol.api import write_report, write_run
+    from occontrol.api import document, write_report
+    from occontrol.files.run_folder import place_run
 
     def draw(stage: Path, content: dict) -> None:
         try:
-            write_report(stage, problem, solution, content)
+            write_report(stage, solution.problem, solution, content)
         except (ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RuntimeError) as error:
             note(f"the figures could not be drawn: {type(error).__name__}: {error}")
 
-    return write_run(folder, problem, solution, draw if figures else None)
+    return place_run(folder, document(solution.problem), solution, draw if figures else None, document(problem))
 
 
 def _status_of(error: Exception) -> str:

@@ -26,10 +26,15 @@ def tradeoff(
     from occontrol.api import family_of, read_problem
     from occontrol.api import tradeoff as trace
     from occontrol.cli.watch import exit_code, watched
+    from occontrol.files.atomic import refuse_same
     from occontrol.files.run_folder import check_writable
+    from occontrol.files.run_record import RESULT, refuse_run_files
 
     values = spaced(weights)
     folder = default_folder(file).with_name(file.stem + "-tradeoff") if out is None else out
+    refuse_same([folder / "tradeoff.json", folder / "front.csv"], [file])
+    if (folder / RESULT).exists():
+        refuse_run_files(folder, folder / "arrays.npz")
     problem = read_problem(file)
     check_writable(folder)
     with watched() as monitor:

@@ -7,9 +7,10 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -33,13 +34,24 @@ class Watched(Monitor):
 
 
 @contextmanager
-def watched() -> Iterator[Watched]:
+def watched(log: Path | None = None) -> Iterator[Watched]:
     """A Monitor that shows progress on a terminal and is interrupted by signals.
 
     The first SIGINT or SIGTERM sets `interrupted`; after it the system's own handling returns, so that a second one
     ends the process at once. The handlers are put back at the end.
+
+    Parameters
+    ----------
+    log : file that gets every record of progress as a line of JSON, for machines
     """
-    monitor = Watched()
+    with _logged(log) as show:
+        monitor = Watched(show=show)
+        with _signals(monitor):
+            yield monitor
+
+
+@contextmanager
+def _signals(monitor: Watched) -> Iterator[None]:
     display = _display(monitor)
     previous: dict[int, Any] = {}
 
@@ -60,12 +72,38 @@ def watched() -> Iterator[Watched]:
     try:
         if display is not None:
             display.start()
-        yield monitor
+        yield
     finally:
         if display is not None:
             display.stop()
         for each, handler in previous.items():
             signal.signal(each, handler)
+
+
+@contextmanager
+def _logged(path: Path | None) -> Iterator[Callable[[Mapping], None] | None]:
+    """What a Monitor calls with every record, writing it to `path` as a line of JSON at once."""
+    if path is None:
+        yield None
+        return
+    import json
+
+    from occontrol.core.errors import FileAccessError
+    from occontrol.files.plain_json import plain
+
+    try:
+        file = open(path, "w", encoding="utf-8", buffering=1)
+    except OSError as error:
+        raise FileAccessError(f"cannot write {path}: {error.strerror or error}") from error
+    with file:
+
+        def show(record: Mapping) -> None:
+            try:
+                file.write(json.dumps(plain(record), allow_nan=False) + "\n")
+            except OSError as error:
+                raise FileAccessError(f"cannot write {path}: {error.strerror or error}") from error
+
+        yield show
 
 
 def exit_code(monitor: Monitor, code: int) -> int:

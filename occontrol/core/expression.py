@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import unicodedata
 import warnings
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
@@ -56,6 +57,10 @@ def _parse(text: str) -> ast.expr:
         raise _fail(
             text, f"has {len(text)} characters, the limit is {MAX_LENGTH}", "use a table: {times: ..., values: ...}"
         )
+    if not text.isascii():  # Python would read look-alikes as the letters that they resemble
+        strange = next(c for c in text if not c.isascii())
+        what = f"contains '{strange}' ({unicodedata.name(strange, 'a character without a name').lower()})"
+        raise _fail(text, what, "write formulas in plain ASCII letters, digits and signs")
     depth = deepest = 0
     for c in text:
         depth += (c in "([{") - (c in ")]}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass
@@ -22,6 +23,8 @@ class Monitor:
     history : the records so far, those of children included
     stage : what is being done, in a word
     interrupted : set by a signal handler (to the signal's number); the solver returns its best so far
+    resume : an earlier Solution of the same problem to go on from, or None
+    resumed : set by the solver that has gone on from it; the others begin anew
     """
 
     show: Callable[[Mapping], None] | None = None
@@ -30,6 +33,8 @@ class Monitor:
     started: float = field(default_factory=time.perf_counter)
     history: list[dict] = field(default_factory=list)
     stage: str = ""
+    resume: Any = None
+    resumed: bool = False
 
     @property
     def seconds(self) -> float:
@@ -50,8 +55,8 @@ class Monitor:
         """A Monitor for one method or one part of it, with clock, limit, stage and history of its own.
 
         It stops when this one is interrupted or has timed out, and at the tighter of the two limits. An interruption
-        concerns everybody, so it is the one thing that goes both ways. Limit, clock and stage of this monitor stay as
-        they are.
+        concerns everybody, so it goes both ways, and so does the news that an earlier solution was gone on from. Limit,
+        clock and stage of this monitor stay as they are.
 
         Parameters
         ----------
@@ -88,6 +93,7 @@ class _Child(Monitor):
         self._parent, self._silent = parent, silent
         left = None if parent.time_limit is None else parent.time_limit - parent.seconds
         super().__init__(None, min((x for x in (time_limit, left) if x is not None), default=None), stage=parent.stage)
+        self.resume = parent.resume
 
     @property
     def interrupted(self) -> int:  # type: ignore[override]
@@ -98,6 +104,15 @@ class _Child(Monitor):
         # the default of the dataclass is no interruption and takes none back
         if number:
             self._parent.interrupted = number
+
+    @property
+    def resumed(self) -> bool:  # type: ignore[override]
+        return self._parent.resumed
+
+    @resumed.setter
+    def resumed(self, done: bool) -> None:
+        if done:
+            self._parent.resumed = True
 
     @property
     def timed_out(self) -> bool:

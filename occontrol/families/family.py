@@ -109,6 +109,10 @@ class Family(Protocol):
         """Raise InfeasibleError where it can be seen without solving that no schedule exists."""
         return None
 
+    def warnings(self, problem: Any) -> list[Mistake]:
+        """What `problem` says that is allowed and hardly meant, with paths in its document."""
+        return []
+
     def mistakes(self, problem: Any, method: Any) -> list[Mistake]:
         """What is wrong with the options of `method` for `problem`, paths below the problem; nothing is solved."""
         return [mistake.under("method") for mistake in method.check(problem) or ()]

@@ -20,6 +20,7 @@ from occontrol.core.solution import Solution
 from occontrol.files.positions import Text, in_order
 from occontrol.files.problem_file import read_text
 from occontrol.files.segments import Segment, grid_of, schedule_of
+from occontrol.files.spreadsheet import from_text
 
 MAX_BYTES = 64 * 2**20
 
@@ -75,7 +76,7 @@ def read_measurements(path: str | Path, problem: Any = None) -> list[Measurement
         place = f"{path}:{line}"
         before = len(found.mistakes)
         t = _number(row[0], "t", place, found)
-        name, fields = row[1].strip(), [field.strip() for field in row[2:]]
+        name, fields = from_text(row[1].strip()), [field.strip() for field in row[2:]]
         if sizes is not None and name not in sizes:
             _add(found, place, f"there is no sensor '{name}'", suggest(name, sizes))
         elif not name:
@@ -150,7 +151,7 @@ def _from_csv(path: Path) -> list[Segment]:
             _add(found, place, f"the line has {len(row)} fields, not 3", "join the names of sensors by ';'")
             continue
         start, end = (_number(row[i], key, place, found) for i, key in enumerate(("start", "end")))
-        names = tuple(name.strip() for name in row[2].split(";") if name.strip())
+        names = tuple(name.strip() for name in from_text(row[2].strip()).split(";") if name.strip())
         if start is not None and end is not None:
             segments.append(Segment(start, end, names, shares, partial(str, place)))
     if found.mistakes:
@@ -264,7 +265,7 @@ def _number(field: str, name: str, place: str, found: Collector, missing: bool =
         value = float(field)
     except ValueError:
         value = math.nan
-    if "_" in field or not math.isfinite(value):
+    if "_" in field or not field.isascii() or not math.isfinite(value):
         what = f"{name} is '{field[:40]}', it must be a finite number"
         found.mistakes.append(Mistake((), what, place=place, cause=f"number {name}"))
         return None

@@ -42,14 +42,15 @@ def plain(value: Any) -> Any:
     raise TypeError(f"cannot write a {type(value).__name__} as JSON")
 
 
-def to_json(value: Any) -> str:
+def to_json(value: Any, ascii_only: bool = False) -> str:
     """JSON text that reads back to the identical numbers.
 
     Parameters
     ----------
     value : anything that `plain` takes
+    ascii_only : write other letters as escapes, for a stream that lacks them
     """
-    return json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    return json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=ascii_only) + "\n"
 
 
 def load_json(path: Path) -> Any:
@@ -61,17 +62,33 @@ def load_json(path: Path) -> Any:
 
     Raises ProblemError naming the file and the place when it is not JSON, is binary, or holds NaN or infinities.
     """
+    return parse_json(path.read_bytes(), path)
+
+
+def parse_json(content: bytes, place: Path) -> Any:
+    """The value of JSON text; NaN and infinities are not JSON numbers, whole numbers of many digits become floats.
+
+    Parameters
+    ----------
+    content : UTF-8
+    place : what to call it in a message
+
+    Raises ProblemError naming the place.
+    """
 
     def refuse(text: str) -> None:
-        raise ProblemError(Mistake((), f"holds {text}, which is not a JSON number", place=str(path)))
+        raise ProblemError(Mistake((), f"holds {text[:40]}, which is not a JSON number", place=str(place)))
+
+    def whole(text: str) -> int | float:
+        return int(text) if len(text) <= 19 else float(text)
 
     try:
-        return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+        return json.loads(content.decode("utf-8"), parse_constant=refuse, parse_int=whole)
     except json.JSONDecodeError as error:
-        where = f"{path}:{error.lineno}:{error.colno}"
+        where = f"{place}:{error.lineno}:{error.colno}"
         raise ProblemError(Mistake((), f"not a complete JSON file: {error.msg}", place=where)) from None
     except UnicodeDecodeError:
         hint = "a JSON file in UTF-8 is expected"
-        raise ProblemError(Mistake((), "not a text file", hint, place=str(path))) from None
+        raise ProblemError(Mistake((), "not a text file", hint, place=str(place))) from None
     except RecursionError:
-        raise ProblemError(Mistake((), "nested too deeply", place=str(path))) from None
+        raise ProblemError(Mistake((), "nested too deeply", place=str(place))) from None

@@ -97,6 +97,7 @@ def load_document(path: str | Path, families: Sequence[str], schema_of: Callable
     schema_of : the schema module of a family, imported when it is called
     """
     from occontrol.files.json_text import read_json
+    from occontrol.files.schema.crowd import family_in, refuse_crowd
     from occontrol.files.schema.words import shown, suggest
     from occontrol.files.yaml_text import read_yaml
 
@@ -107,6 +108,8 @@ def load_document(path: str | Path, families: Sequence[str], schema_of: Callable
         raise at(str(path), 1, 1, f"the file name ends in '{suffix}'", "problem files end in .yaml, .yml or .json")
     is_json = suffix == ".json"
     source = read_text(path, MAX_JSON if is_json else MAX_YAML, "problem file")
+    if not is_json and (crowded := family_in(source)) in families:
+        refuse_crowd(source, str(path), list(schema_of(str(crowded)).Document.model_fields))
     text = (read_json if is_json else read_yaml)(source, str(path))
     if not isinstance(text.data, dict):
         raise at(

@@ -1,19 +1,17 @@
-"""The run folder: problem.json, result.json, arrays.npz and pictures, written all or nothing.
+"""The run folder: problem.json, result.json, arrays.npz, provenance.json and pictures, written all or nothing.
 
-A new result is first written and flushed to a hidden folder inside the run folder. One rename to `.incoming` commits
-it; then its files move to their places, result.json last. Readers look into `.incoming` first, so that they see the old
-result or the new one and never a mixture, wherever a crash fell. Other files in the folder are left alone.
+How a result becomes visible is told in files/run_store.py, which of two results stays in files/run_choice.py. Other
+files in the folder are left alone. Folders of the first edition, whose files lie in DIR itself, stay readable.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import shutil
-import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,22 +21,38 @@ from occontrol.core.errors import FileAccessError, Mistake, ProblemError
 from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status
-from occontrol.files.plain_json import load_json, to_json
+from occontrol.files.names import check_names
+from occontrol.files.plain_json import parse_json, to_json
+from occontrol.files.provenance import provenance
+from occontrol.files.received_arrays import read_arrays
+from occontrol.files.run_choice import Place, ends_interruption, place_for, problem_digest
+from occontrol.files.run_lock import check_writable, locked
+from occontrol.files.run_read import in_one_piece, open_file
+from occontrol.files.run_record import ARRAYS, KNOWN, PROBLEM, PROVENANCE, RESULT
+from occontrol.files.run_store import discard, staged
 
-PROBLEM, RESULT, ARRAYS = "problem.json", "result.json", "arrays.npz"
-COMMITTED = ".incoming"
-_OWN_KEYS = ("family", "status", "message", "method", "iterations", "seconds", "history", "versions", "files")
+__all__ = [
+    "ARRAYS", "KNOWN", "PROBLEM", "RESULT", "Placed", "check_writable", "locked", "place_run", "read_run", "write_run",
+]  # fmt: skip
+_OWN_KEYS = (
+    "family", "status", "message", "method", "iterations", "seconds", "history", "versions", "digest", "files",
+)  # fmt: skip
 
 
-def check_writable(folder: Path) -> None:
-    """Raise FileAccessError unless `folder` is, or can become, a folder that may be written to."""
-    nearest = folder
-    while not os.path.lexists(nearest) and nearest != nearest.parent:
-        nearest = nearest.parent
-    if not nearest.is_dir():
-        raise FileAccessError(f"cannot write to {folder}: {nearest} is not a folder")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise FileAccessError(f"cannot write to {folder}: no permission")
+@dataclass(frozen=True)
+class Placed:
+    """Where a result went.
+
+    Parameters
+    ----------
+    content : of its result.json
+    folder : DIR or DIR/interrupted; None where a better one is kept in both
+    remark : why it is not in DIR, or empty
+    """
+
+    content: dict[str, Any]
+    folder: Path | None
+    remark: str = ""
 
 
 def write_run(
@@ -51,98 +65,84 @@ def write_run(
 
     Parameters
     ----------
-    folder : the run folder, created if missing; an earlier result in it is replaced only when the new one is complete
-    document : the problem that was solved, everything embedded
+    folder : the run folder, created if missing; an earlier result in it is replaced only when the new one is complete,
+        and an interrupted result that is worse goes to DIR/interrupted
+    document : the problem that was solved, as a dict with all tables embedded
     solution : Solution
     extras : called with the folder under construction and the content of result.json, to add pictures and the like
 
-    Raises FileAccessError when the folder cannot be written.
+    Raises FileAccessError when the folder cannot be written, or is in use by another process.
+    """
+    return place_run(folder, document, solution, extras).content
+
+
+def place_run(
+    folder: str | Path,
+    document: Mapping[str, Any],
+    solution: Solution,
+    extras: Callable[[Path, dict], None] | None = None,
+    asked: Mapping[str, Any] | None = None,
+) -> Placed:
+    """Like `write_run`; says where the result went.
+
+    Parameters
+    ----------
+    folder, document, solution, extras : as there
+    asked : the problem as it was posed, where the solver has added edges to the one that it solved; its digest tells
+        which results belong together
     """
     folder = Path(folder)
-    check_writable(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
-        try:
-            (stage / PROBLEM).write_text(to_json(document), encoding="utf-8")
-            _write_arrays(stage / ARRAYS, solution.arrays)
-            content = solution.as_dict()
-            if extras is not None:
-                extras(stage, content)
-            written = sorted(p for p in stage.rglob("*") if p.is_file())
-            content["files"] = {p.relative_to(stage).as_posix(): _digest(p) for p in written}
-            (stage / RESULT).write_text(to_json(content), encoding="utf-8")
-            _flush(stage)
-            _commit(stage, folder)
-        except BaseException:
-            shutil.rmtree(stage, ignore_errors=True)
-            raise
-    except OSError as error:
-        raise FileAccessError(f"cannot write to {folder}: {error.strerror or error}") from error
-    return content
+    with locked(folder):
+        content = {**solution.as_dict(), "digest": problem_digest(document if asked is None else asked)}
+        content = parse_json(to_json(content).encode(), folder)  # what the file will say
+        where, remark = place_for(folder, content)
+        aside = folder / Place.INTERRUPTED.value
+        if where is Place.NOWHERE:
+            return Placed(content, None, remark)
+        if where is Place.HERE:
+            _write(folder, document, solution, content, extras)
+            if ends_interruption(folder, content):
+                with locked(aside):
+                    discard(aside)
+                with suppress(OSError):
+                    aside.rmdir()
+            return Placed(content, folder)
+        with locked(aside):
+            _write(aside, document, solution, content, extras)
+        return Placed(content, aside, remark)
+
+
+def _write(
+    folder: Path,
+    document: Mapping[str, Any],
+    solution: Solution,
+    content: dict[str, Any],
+    extras: Callable[[Path, dict], None] | None,
+) -> None:
+    with staged(folder) as stage:
+        (stage / PROBLEM).write_text(to_json(document), encoding="utf-8")
+        _write_arrays(stage / ARRAYS, solution.arrays)
+        content["files"] = {name: _digest((stage / name).read_bytes()) for name in (ARRAYS, PROBLEM)}
+        if extras is not None:
+            extras(stage, content)
+        # pictures and report show seconds: their digests would make result.json differ from run to run
+        others = sorted(p for p in stage.rglob("*") if p.is_file() and p.name not in (ARRAYS, PROBLEM))
+        record = {p.relative_to(stage).as_posix(): _digest(p.read_bytes()) for p in others}
+        (stage / PROVENANCE).write_text(to_json({**provenance(), "files": record}), encoding="utf-8")
+        (stage / RESULT).write_text(to_json(content), encoding="utf-8")
 
 
 def _write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """An .npz without pickles whose bytes depend on nothing but the arrays."""
+    check_names(arrays, "an array", str(path))
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name in sorted(arrays):
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as file:
                 np.lib.format.write_array(file, np.ascontiguousarray(arrays[name]), allow_pickle=False)
 
 
-def _digest(path: Path) -> str:
-    return "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _flush(folder: Path) -> None:
-    for path in [*(p for p in folder.rglob("*")), folder]:
-        handle = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-
-
-def _commit(stage: Path, folder: Path) -> None:
-    _finish(folder)  # what an earlier, killed writer had committed
-    old, new = _written_files(folder), _written_files(stage)
-    os.rename(stage, folder / COMMITTED)
-    _finish(folder)
-    for name in old - new:  # pictures of the earlier result that the new one does not have
-        (folder / name).unlink(missing_ok=True)
-
-
-def _written_files(folder: Path) -> set[str]:
-    """What the result.json in a folder says was written with it; nothing that lies outside of the folder."""
-    try:
-        names = load_json(folder / RESULT)["files"].keys()
-    except (OSError, ProblemError, TypeError, KeyError, AttributeError):
-        return set()
-    return {name for name in names if not Path(name).is_absolute() and ".." not in Path(name).parts}
-
-
-def _finish(folder: Path) -> None:
-    """Move committed files to their places, result.json last."""
-    committed = folder / COMMITTED
-    if not committed.is_dir():
-        return
-    files = sorted((p for p in committed.rglob("*") if p.is_file()), key=lambda p: (p.name == RESULT, str(p)))
-    for path in files:
-        target = folder / path.relative_to(committed)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(path, target)
-    shutil.rmtree(committed)
-
-
-def _locate(folder: Path, name: str) -> Path:
-    committed = folder / COMMITTED / name
-    path = committed if committed.exists() else folder / name
-    if not path.exists():
-        hint = "occontrol solve FILE --out DIR writes a run folder"
-        if not folder.is_dir():
-            raise FileAccessError(f"{folder}: no such run folder\n  hint: {hint}")
-        raise ProblemError(Mistake((), f"{name} is missing", hint, place=str(folder)))
-    return path
+def _digest(content: bytes) -> str:
+    return "sha256:" + hashlib.sha256(content).hexdigest()
 
 
 def read_run(folder: str | Path, read_problem: Callable[[Path], Any]) -> tuple[Any, Solution]:
@@ -151,48 +151,55 @@ def read_run(folder: str | Path, read_problem: Callable[[Path], Any]) -> tuple[A
     Parameters
     ----------
     folder : the run folder
-    read_problem : builds the problem from problem.json
+    read_problem : makes the problem of a problem.json
 
     Raises ProblemError naming the file that is missing, damaged, or does not belong to the others; FileAccessError when
     there is no such folder or it cannot be read.
     """
     folder = Path(folder)
-    result_path, problem_path, arrays_path = (_locate(folder, name) for name in (RESULT, PROBLEM, ARRAYS))
     try:
-        content = load_json(result_path)
-        if not isinstance(content, dict) or any(key not in content for key in ("family", "status", "method")):
-            raise ProblemError(
-                Mistake((), "not the result of a run: family, status or method is missing", place=str(result_path))
-            )
-        if content["status"] not in list(Status):
-            raise ProblemError(Mistake((), f"unknown status '{content['status']}'", place=str(result_path)))
-        _check_digests(content, {PROBLEM: problem_path, ARRAYS: arrays_path}, result_path)
-        problem = read_problem(problem_path)
-        arrays = _read_arrays(arrays_path)
+        return in_one_piece(folder, lambda locate: _read(folder, locate, read_problem))
     except OSError as error:
         raise FileAccessError(f"cannot read {folder}: {error.strerror or error}") from error
+
+
+def _read(folder: Path, locate: Callable[[str], Path], read_problem: Callable[[Path], Any]) -> tuple[Any, Solution]:
+    shown = {name: folder / name for name in (RESULT, PROBLEM, ARRAYS)}
+    paths = {name: locate(name) for name in shown}
+    with open_file(paths[RESULT], shown[RESULT]) as file:
+        content = parse_json(file.read(), shown[RESULT])
+    if not isinstance(content, dict) or any(key not in content for key in ("family", "status", "method")):
+        what = "not the result of a run: family, status or method is missing"
+        raise ProblemError(Mistake((), what, place=str(shown[RESULT])))
+    if content["status"] not in list(Status):
+        raise ProblemError(Mistake((), f"unknown status '{content['status']}'", place=str(shown[RESULT])))
+    recorded = content.get("files")
+    if not isinstance(recorded, dict):
+        what = "result.json does not say which files belong to it"
+        raise ProblemError(Mistake((), what, place=str(shown[RESULT])))
+    check_names(_columns(content.get("schedule")), "a column of the schedule", str(shown[RESULT]))
+    with open_file(paths[PROBLEM], shown[PROBLEM]) as file:
+        _must_belong(file, PROBLEM, recorded, shown[PROBLEM])
+    problem = read_problem(paths[PROBLEM])
     if problem.family != content["family"]:
         what = f"result.json is of family {content['family']}, problem.json of {problem.family}"
         raise ProblemError(Mistake((), what, place=str(folder)))
-    return problem, _solution(problem, content, arrays, result_path)
+    with open_file(paths[ARRAYS], shown[ARRAYS]) as file:
+        _must_belong(file, ARRAYS, recorded, shown[ARRAYS])
+        file.seek(0, os.SEEK_SET)
+        arrays = read_arrays(file, str(shown[ARRAYS]))
+    return problem, _solution(problem, content, arrays, shown[RESULT])
 
 
-def _check_digests(content: dict, paths: Mapping[str, Path], result_path: Path) -> None:
-    recorded = content.get("files")
-    if not isinstance(recorded, dict):
-        raise ProblemError(Mistake((), "result.json does not say which files belong to it", place=str(result_path)))
-    for name, path in paths.items():
-        if recorded.get(name) != _digest(path):
-            what = f"{name} is damaged, or does not belong to the result.json beside it"
-            raise ProblemError(Mistake((), what, "solve again", place=str(path)))
+def _columns(schedule: Any) -> list[Any]:
+    records = schedule if isinstance(schedule, list) else []
+    return list(dict.fromkeys(key for record in records if isinstance(record, dict) for key in record))
 
 
-def _read_arrays(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except (ValueError, zipfile.BadZipFile, KeyError, EOFError, AttributeError) as error:
-        raise ProblemError(Mistake((), f"not a readable .npz file: {error}", place=str(path))) from None
+def _must_belong(file: Any, name: str, recorded: dict, place: Path) -> None:
+    if recorded.get(name) != "sha256:" + hashlib.file_digest(file, "sha256").hexdigest():
+        what = f"{name} is damaged, or does not belong to the result.json beside it"
+        raise ProblemError(Mistake((), what, "solve again", place=str(place)))
 
 
 def _solution(problem: Any, content: dict, arrays: dict[str, np.ndarray], path: Path) -> Solution:

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.core.errors import FileAccessError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.trajectory import Trajectory
+from occontrol.files.atomic import replacing_text
+from occontrol.files.spreadsheet import Numbers, as_text
 
 
 def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
-    """Write a CSV file and return its path; NaN becomes an empty field.
+    """Write a CSV file and return its path; NaN becomes an empty field, names are text to a spreadsheet too.
 
     Parameters
     ----------
@@ -25,21 +26,18 @@ def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Sequence
 
     Raises FileAccessError.
     """
-    try:
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(header)
-            for row in rows:
-                writer.writerow([_field(entry) for entry in row])
-    except OSError as error:
-        raise FileAccessError(f"cannot write {path}: {error.strerror or error}") from error
+    with replacing_text(path) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([as_text(str(name)) for name in header])
+        for row in rows:
+            writer.writerow([_field(entry) for entry in row])
     return Path(path)
 
 
 def _field(entry: Any) -> str:
     if isinstance(entry, float | np.floating):
         return repr(float(entry)) if np.isfinite(entry) else ""
-    return str(entry)
+    return str(entry) if isinstance(entry, Numbers) else as_text(str(entry))
 
 
 def write_measurements(path: str | Path, measurements: Sequence[Measurement]) -> Path:

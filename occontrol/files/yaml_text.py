@@ -14,6 +14,7 @@ from occontrol.core.errors import Mistake, ProblemError
 from occontrol.files.number_blocks import DEEPEST, MARK, Block, Shortened, cut
 from occontrol.files.positions import MAX_DEPTH, Place, Text, at, number
 
+MOST_KEYS = 2000
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"([-+]?)\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _WORDS = {"": None, "~": None, "null": None, "Null": None, "NULL": None}
@@ -112,6 +113,8 @@ class _Builder:
             return
         if top is not None and isinstance(top[0], dict) and top[2] is None:
             top[2] = (event.value, self.position(event))
+            if len(top[0]) >= MOST_KEYS:
+                raise self.fail(event, f"more than {MOST_KEYS} keys in one mapping")
             if event.value in top[0]:
                 first = top[1][event.value].key[0]
                 what, place = f"the key '{event.value}' stands twice", f"{self.file}:{top[2][1][0]}:{top[2][1][1]}"

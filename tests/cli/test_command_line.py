@@ -72,8 +72,11 @@ def test_solve_writes_a_run_folder_and_prints_its_result(small_file: Path, capsy
     assert said.err == ""  # nothing of the progress away from a terminal
     assert content["status"] == "certified" and content["relative_gap"] < 0.01
     made = {str(p.relative_to("runs/radars")) for p in Path("runs/radars").rglob("*") if p.is_file()}
+    kept = {path for path in made if path.startswith(".runs/")}
+    made -= kept
+    assert {f".runs/1/{path}" for path in made} == kept - {".runs/lock"}  # what is visible are links to what is kept
     figures = {f"figures/{name}.png" for name in ("overview", "schedule", "deviations", "switching", "convergence")}
-    assert made == {"problem.json", "result.json", "arrays.npz", "report.html"} | figures
+    assert made == {"problem.json", "result.json", "arrays.npz", "provenance.json", "report.html"} | figures
     assert "<h1>two radars</h1>" in Path("runs/radars/report.html").read_text()
     assert read_run("runs/radars")[1].cost == content["cost"]
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from occontrol.core.errors import SolveFailed, UsageError
+from occontrol.core.errors import Mistake, SolveFailed, UsageError
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.families.athans.methods import METHODS
@@ -64,6 +64,12 @@ class AthansFamily(Family):
     def require_feasible(self, problem: SchedulingProblem) -> None:
         """Raise InfeasibleError, with the time, when some interval has too few available sensors."""
         problem.require_feasible()
+
+    def warnings(self, problem: SchedulingProblem) -> list[Mistake]:
+        """Lost modes, useless windows and sensors, size."""
+        from occontrol.families.athans.warnings import warnings_of
+
+        return warnings_of(problem)
 
     def describe(self, problem: SchedulingProblem) -> list[tuple[str, str]]:
         """Sizes, costs, observability, an estimate of work."""

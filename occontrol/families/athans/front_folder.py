@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from occontrol.core.errors import FileAccessError
+from occontrol.files.atomic import replacing, write_text
 from occontrol.files.plain_json import to_json
 from occontrol.files.tables import write_table
 
@@ -30,35 +30,26 @@ def write_front(folder: str | Path, front: Front, figures: bool = True) -> list[
     folder, content = Path(folder), front.as_dict()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        written = [_replace(folder / "tradeoff.json", lambda path: path.write_text(to_json(content), encoding="utf-8"))]
+        written = [write_text(folder / "tradeoff.json", to_json(content))]
         keys = ("cost_weight", "observation_cost", "error", "cost", "lower_bound", "relative_gap", "switches")
         rows = [[point[key] for key in keys] for point in content["points"]]
-        written.append(_replace(folder / "front.csv", lambda path: write_table(path, keys, rows)))
+        written.append(write_table(folder / "front.csv", keys, rows))
         arrays = {
             "cost_weights": front.cost_weights,
             "edges": front.problem.edges,
             "weights": front.schedules.weights,
             "relaxed_weights": front.relaxed.weights,
         }
-        written.append(_replace(folder / "arrays.npz", lambda path: _save(path, arrays)))
+        with replacing(folder / "arrays.npz") as file:
+            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+        written.append(folder / "arrays.npz")
         if figures:
             from occontrol.families.athans.figures_tradeoff import draw
             from occontrol.files.figures import save
 
             for name, figure in draw(front).items():
-                written.append(_replace(folder / f"{name}.png", lambda path, f=figure: save(f, path)))
+                save(figure, folder / f"{name}.png")
+                written.append(folder / f"{name}.png")
     except OSError as error:
         raise FileAccessError(f"cannot write to {folder}: {error.strerror or error}") from error
     return written
-
-
-def _save(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    with open(path, "wb") as file:
-        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-
-
-def _replace(path: Path, write: Any) -> Path:
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
-    write(part)
-    os.replace(part, path)
-    return path

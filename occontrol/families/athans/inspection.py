@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.clock import tolerance
+from occontrol.core.memory import size
+from occontrol.families.athans.need import need
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.transition import transitions
 
@@ -35,7 +37,6 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
         ("horizon", f"t = {problem.edges[0]:g} to {problem.edges[-1]:g}, prediction for {problem.predict_at:g}"),
         ("time-varying", _listed(varying, 6) if varying else "nothing"),
         *([("edges added", f"{len(edges)}: {_listed(edges, 6)}")] if edges else []),
-        *(("warning", text) for text in problem.warnings),
     ]  # fmt: skip
     rates = np.column_stack([s.cost.sample(problem.midpoints)[:, 0, 0] for s in sensors])
     low, high = _spend(rates, problem, np.min), _spend(rates, problem, np.max)
@@ -57,8 +58,8 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
     together, worst = _observability(problem)
     found.append(("observability", f"all sensors together: rank {together} of {n} over the horizon{worst}"))
     flops = N * (4 * n**3 + 6 * n * n * max(1, problem.output.shape[0]) + 4 * rows * n)
-    memory = 8 * N * n * n / 1e6
-    found.append(("work", f"about {flops / 1e6:.3g} Mflop a sweep, {memory:.3g} MB of covariances; tens of sweeps"))
+    work = f"about {flops / 1e6:.3g} Mflop a sweep, tens of sweeps; {size(need(problem))} of memory, libraries included"
+    found.append(("work", work))
     return found
 
 

@@ -240,7 +240,13 @@ class SchedulingProblem:
         return found
 
     def require_feasible(self) -> None:
-        """Raise InfeasibleError, with the time, where fewer than `select` places can be filled."""
+        """Raise InfeasibleError, with the time, where fewer than `select` places can be filled.
+
+        Raises ProblemError when a solve needs more memory than there is.
+        """
+        from occontrol.families.athans.need import require_memory
+
+        require_memory(self)
         lacking = np.sum(self.upper, axis=1) < self.select - 1e-9
         if np.any(lacking):
             k = int(np.argmax(lacking))

@@ -13,6 +13,7 @@ from occontrol.core.errors import Path, ProblemError
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal, Signal
+from occontrol.families.athans.growth import beyond_numbers
 from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.methods import METHODS
 from occontrol.families.athans.problem import SchedulingProblem, uniform_edges
@@ -132,6 +133,8 @@ def build(document: Document, context: Context) -> SchedulingProblem:
     )
     if edges is None:
         found.mistakes[known:] = [m for m in found.mistakes[known:] if m.path[:1] != ("horizon",)]
+    found.raise_if_any()
+    found.mistakes += beyond_numbers(problem.plant, problem.edges)
     found.raise_if_any()
     return problem
 

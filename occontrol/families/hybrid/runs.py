@@ -78,7 +78,7 @@ def judge(problem: Problem, method: GroupMethod, monitor: Monitor) -> Solution:
     numbers = _numbers(problem, tried, outcomes, use.mean(axis=0), schedule)
     if method.constant:
         numbers = dataclasses.replace(numbers, sensor=_labels(tried)[0])
-    return make_solution(
+    made = make_solution(
         problem=problem,
         method=method.name,
         status=status,
@@ -90,6 +90,7 @@ def judge(problem: Problem, method: GroupMethod, monitor: Monitor) -> Solution:
         arrays=_arrays(problem, outcomes, first, schedule, use @ member),
         schedule=schedule,
     )
+    return dataclasses.replace(made, history=last_report(watch))
 
 
 def best_of(problem: Problem, methods: Sequence[GroupMethod], monitor: Monitor) -> Solution:
@@ -115,7 +116,7 @@ def best_of(problem: Problem, methods: Sequence[GroupMethod], monitor: Monitor) 
         best,
         message=f"{numbers.sensor} is the best of {len(solutions)} in average RMS; {best.message}",
         seconds=time.perf_counter() - began,
-        history=tuple(watch.history),
+        history=last_report(watch),
         numbers=numbers,
     )
 
@@ -180,6 +181,16 @@ def _arrays(
     if outcomes.squared.size <= KEPT:
         arrays["position_error"] = np.sqrt(outcomes.squared)
     return arrays
+
+
+def last_report(monitor: Monitor) -> tuple[dict, ...]:
+    """The last record of progress: how many rounds came before it depends on the machine's speed, not on the runs.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    """
+    return tuple(monitor.history[-1:])
 
 
 def first_scores(problem: Problem, tried: Experiment) -> dict[str, float]:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from occontrol.core.errors import ProblemError
+from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution
@@ -59,6 +59,12 @@ class Precision(Family):
         solved, outcomes = solve_batches(problem, method, watch)
         solution = assemble(problem, method.name, solved, outcomes, watch)
         return dataclasses.replace(solution, seconds=time.perf_counter() - began)
+
+    def warnings(self, problem: Problem) -> list[Mistake]:
+        """An ensemble that is too small for the plant."""
+        from occontrol.families.precision.warnings import warnings_of
+
+        return warnings_of(problem)
 
     def describe(self, problem: Problem) -> list[tuple[str, str]]:
         """What `check` prints: sizes, filter, bound, and whether the first batch can meet it."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from occontrol.core.errors import FileAccessError, UsageError, suggest
 from occontrol.core.solution import Solution
+from occontrol.files.run_record import refuse_run_files
 
 # format: the file or folder that it writes inside the run folder when nobody names another
 FORMATS = {
@@ -44,12 +45,14 @@ def write_export(
     run : the run folder
     out : file or folder to write, instead of the format's own place inside the run folder
 
-    Returns the files written. Raises UsageError for an unknown format, FileAccessError when they cannot be written.
+    Returns the files written. Raises UsageError for an unknown format and for the run's own files, FileAccessError
+    when they cannot be written.
     """
     check_format(to)
     target = run / FORMATS[to] if out is None else Path(out)
     if target.is_dir() and Path(FORMATS[to]).suffix:
         target = target / FORMATS[to]
+    refuse_run_files(run, target)
     try:
         return importlib.import_module(f"occontrol.files.export.{to}").write(problem, solution, tables, target)
     except OSError as error:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.solution import Solution
+from occontrol.files.atomic import write_text
 
 PREFIX = "occontrol_"
 WIDTH = 120
@@ -44,8 +45,7 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
             lines += ["", *_definition(PREFIX + re.sub(r"\W", "_", name), array)]
     lines += ["", "#endif", ""]
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text("\n".join(lines), encoding="ascii")
-    return [target]
+    return [write_text(target, "\n".join(lines))]
 
 
 def _text(name: str) -> str:

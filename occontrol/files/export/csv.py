@@ -2,7 +2,8 @@
 
 Arrays on nodes begin with t, arrays on intervals with start and end, others with their index. Matrices are written row
 by row: covariance_1_2 is the entry in row 1, column 2. A target that is named like a file, plan.csv, becomes the
-schedule itself, and the arrays lie beside it as plan_gains.csv and so on.
+schedule itself, and the arrays lie beside it as plan_gains.csv and so on. Names that a spreadsheet would compute, =x or
++1, are written with an apostrophe before them.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.solution import Solution
+from occontrol.files.spreadsheet import Numbers
 from occontrol.files.tables import write_table
 
 FILE_NAMES = {"gain": "gains", "continuous_gain": "continuous_gains"}
@@ -61,7 +63,8 @@ def _schedule(schedule: Sequence[dict], path: Path) -> Path:
 
 def _cell(value: Any) -> Any:
     if isinstance(value, list | tuple):
-        return ";".join(repr(entry) if isinstance(entry, float) else str(entry) for entry in value)
+        text = ";".join(repr(entry) if isinstance(entry, float) else str(entry) for entry in value)
+        return text if any(isinstance(entry, str) for entry in value) else Numbers(text)
     return "" if value is None else value
 
 

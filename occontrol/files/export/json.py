@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.solution import Solution
+from occontrol.files.atomic import write_text
 from occontrol.files.plain_json import to_json
 
 
@@ -33,5 +34,4 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
         "filter": dict(tables),
     }
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(to_json(content), encoding="utf-8")
-    return [target]
+    return [write_text(target, to_json(content))]

@@ -10,6 +10,7 @@ import numpy as np
 
 from occontrol.core.errors import UsageError
 from occontrol.core.solution import Solution
+from occontrol.files.atomic import replacing
 
 LONGEST = 31  # characters of a field's name that MATLAB reads
 LARGEST = 2**31 - 1  # bytes of one variable in this version of the format
@@ -44,7 +45,7 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
         "filter": dict(tables),
     }
     target.parent.mkdir(parents=True, exist_ok=True)
-    with open(target, "wb") as file:
+    with replacing(target) as file:
         savemat(file, content, long_field_names=False, do_compression=True, oned_as="column")
     return [target]
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.solution import Solution
+from occontrol.files.atomic import replacing
 
 
 def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
@@ -25,6 +26,6 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
     content = {**solution.arrays, "sensors": np.array(list(names), dtype=np.str_)}
     content |= {f"filter_{name}": value for name, value in tables.items()}
     target.parent.mkdir(parents=True, exist_ok=True)
-    with open(target, "wb") as file:
+    with replacing(target) as file:
         np.savez_compressed(file, **content)  # type: ignore[arg-type]
     return [target]

@@ -244,8 +244,12 @@ def _without(data: Any, paths: list[Path]) -> Any:
     if not isinstance(data, dict):
         return data
     result = {}
+    beneath: dict[Any, list[Path]] = {}
+    for p in paths:
+        if p:
+            beneath.setdefault(p[0], []).append(p[1:])
     for key, value in data.items():
-        below = [p[1:] for p in paths if p and p[0] == key]
+        below = beneath.get(key, [])
         if any(not any(isinstance(step, str) for step in p) for p in below):
             continue
         if isinstance(value, list):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,10 @@ import numpy as np
 from occontrol.core.errors import Collector, Path, ProblemError
 from occontrol.core.expression import parse_expression
 from occontrol.core.signal import ConstantSignal, ExpressionSignal, Signal, TableSignal
+from occontrol.files.schema.tables import LARGEST, SHAPES, shape_fits
 from occontrol.files.schema.words import shown, suggest
 
-LARGEST = 1000  # states; keeps {identity: 1000000000} from filling the memory
+_PLANT = (("plant", "A"), ("plant", "F"))
 
 _FORMS = (
     ("diag",),
@@ -75,9 +77,10 @@ class MatrixReader:
     """
 
     def __init__(
-        self, found: Collector, load: Callable[[Any, Any, Path], np.ndarray | None], name: Callable[[Path], str]
+        self, found: Collector, load: Callable[..., np.ndarray | None], name: Callable[[Path], str]
     ):
         self.found, self.load, self.name = found, load, name
+        self.states: int | None = None  # of the plant, once its A or F was read
 
     def wrong(self, path: Path, what: str, hint: str = "", key: bool = False, of: Path | None = None) -> None:
         self.found.add(path, f"{self.name(path if of is None else of)}{what}", hint, key)
@@ -102,6 +105,12 @@ class MatrixReader:
 
     def signal(self, value: Any, path: Path, variables: tuple[str, ...] = ("t",)) -> Signal | None:
         """The matrix at `path`, constant, of formulas (of one variable), or tabulated; None after a mistake."""
+        signal = self._signal(value, path, variables)
+        if signal is not None and path in _PLANT:
+            self.states = signal.shape[0]
+        return signal
+
+    def _signal(self, value: Any, path: Path, variables: tuple[str, ...]) -> Signal | None:
         if isinstance(value, dict):
             return self._mapping(value, path, variables)
         rows = self.rows(value, path, variables)
@@ -231,7 +240,8 @@ class MatrixReader:
     def _table(self, value: dict, path: Path) -> Signal | None:
         if "file" in value:
             times = self.load(value["file"], value["times"], (*path, "times"))
-            values = self.load(value["file"], value["values"], (*path, "values")) if times is not None else None
+            fits = partial(shape_fits, self.wrong, path, self.states, times)
+            values = self.load(value["file"], value["values"], (*path, "values"), fits) if times is not None else None
         else:
             times = self.vector(value["times"], (*path, "times"))
             values = self._stack(value["values"], (*path, "values"))
@@ -241,7 +251,7 @@ class MatrixReader:
             values = values.reshape(-1, 1, 1)
         if times.ndim != 1 or values.ndim != 3:
             shapes = f": times has shape {times.shape}, values {values.shape}"
-            self.wrong((*path, "values"), shapes, "times is (K,), values is (K, rows, columns)", of=path)
+            self.wrong((*path, "values"), shapes, SHAPES, of=path)
             return None
         try:
             interpolation = value.get("interpolation", "linear")

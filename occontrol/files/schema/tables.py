@@ -2,16 +2,52 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
+from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
-from occontrol.core.errors import Collector, Path
+from occontrol.core.errors import Collector, Mistake, Path, ProblemError
+from occontrol.files.received_arrays import claim, load
 from occontrol.files.schema.words import shown, suggest
 
 MAX_BYTES = 512 * 2**20  # of one array, unpacked
+LARGEST = 1000  # states; keeps {identity: 1000000000} from filling the memory
+SMALL = 2_000_000  # entries of a table that may be read before its shape is judged
+SHAPES = "times is (K,), values is (K, rows, columns)"
+
+
+def shape_fits(
+    wrong: Callable[..., None], path: Path, states: int | None, times: np.ndarray, shape: tuple[int, ...]
+) -> bool:
+    """Whether the values of a table may have this shape; False after the mistake was noted.
+
+    Parameters
+    ----------
+    wrong : (path, what, hint, of=path) notes it
+    path : of the table
+    states : of the plant, where they are known
+    times : (K,)
+    shape : that the header of the values claims
+    """
+    if len(shape) not in (1, 3) or times.ndim != 1 or shape[0] != len(times):
+        if math.prod(shape) <= SMALL:
+            return True  # said by whoever builds the table
+        wrong((*path, "values"), f": times has shape {times.shape}, values {shape}", SHAPES, of=path)
+        return False
+    rows, columns = shape[1:] if len(shape) == 3 else (1, 1)
+    if path[-1] in ("C", "H") and states is not None and columns != states:
+        what = f" is {rows}x{columns}, but the plant has {states} state{'s' * (states != 1)}"
+        wrong(path, what, f"a row of {path[-1]} has one entry per state")
+        return False
+    if max(rows, columns) > LARGEST:
+        what = f": the matrices are {rows}x{columns}"
+        wrong((*path, "values"), what, f"at most {LARGEST} each way", of=path)
+        return False
+    return True
 
 
 class TableFiles:
@@ -22,8 +58,13 @@ class TableFiles:
         self.arrays: dict[tuple[FilePath, str], np.ndarray] = {}
         self.refused: set[str] = set()
 
-    def load(self, file: Any, array: Any, path: Path) -> np.ndarray | None:
-        """The array, or None after its mistake was noted; path is that of the array's name."""
+    def load(
+        self, file: Any, array: Any, path: Path, judge: Callable[[tuple[int, ...]], bool] = lambda shape: True
+    ) -> np.ndarray | None:
+        """The array, or None after its mistake was noted; path is that of the array's name.
+
+        `judge` gets the shape that the header claims, before anything is unpacked; False where it has noted a mistake.
+        """
         place = (*path[:-1], "file")
         if not isinstance(file, str) or not file:
             self.found.add(place, f"file is {shown(file)}, it must be the name of an .npz file")
@@ -38,7 +79,7 @@ class TableFiles:
             self.refused.add(file)
             return None
         if (target, array) not in self.arrays:
-            value = self._read(target, file, array, path, place)
+            value = self._read(target, file, array, path, place, judge)
             if value is None:
                 return None
             self.arrays[target, array] = value
@@ -66,23 +107,31 @@ class TableFiles:
             return None
         return target
 
-    def _read(self, target: FilePath, file: str, array: str, path: Path, place: Path) -> np.ndarray | None:
+    def _read(
+        self, target: FilePath, file: str, array: str, path: Path, place: Path, judge: Callable[[tuple[int, ...]], bool]
+    ) -> np.ndarray | None:
         try:
             with zipfile.ZipFile(target) as archive:
                 names = [n.removesuffix(".npy") for n in archive.namelist()]
                 if array not in names:
                     self.found.add(path, f"{file} has no array '{array}'", suggest(array, names) if names else "")
                     return None
-                if archive.getinfo(f"{array}.npy").file_size > MAX_BYTES:
+                info = archive.getinfo(f"{array}.npy")
+                claimed = claim(archive, info, file)
+                if not judge(claimed.shape):
+                    return None
+                if claimed.dtype.kind not in "fiu":
+                    self.found.add(path, f"the array '{array}' of {file} does not hold numbers")
+                    return None
+                if info.file_size > MAX_BYTES or math.prod(claimed.shape) * 8 > MAX_BYTES:
                     self.found.add(path, f"the array '{array}' of {file} is larger than {MAX_BYTES >> 20} MB")
                     return None
-            with np.load(target, allow_pickle=False) as archive:
-                value = archive[array]
+                value = load(archive, info, claimed)
+        except ProblemError as error:
+            self.found.mistakes += [Mistake(path, m.what, m.hint) for m in error.mistakes]
+            return None
         except Exception:  # zipfile and numpy raise a dozen kinds for files that are not what their name says
             self.found.add(place, f"{file} is not an .npz file of plain arrays", "write it with numpy.savez")
             self.refused.add(file)
             return None
-        if value.dtype.kind not in "fiu":
-            self.found.add(path, f"the array '{array}' of {file} does not hold numbers")
-            return None
-        return value.astype(float)
+        return value.astype(float, copy=False)

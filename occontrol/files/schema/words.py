@@ -129,9 +129,14 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     return None
 
 
+UNKNOWN = 20  # unknown keys of one mapping that are listed
+
+
 def translate(error: ValidationError, model: type[BaseModel], data: Any) -> list[Mistake]:
-    """Every validation error as a mistake in the house's words; one for each place."""
+    """Every validation error as a mistake in the house's words; one for each place, of unknown keys the first few."""
     found: dict[Path, Mistake] = {}
+    unknown: dict[Path, int] = {}  # how many, by the mapping that they stand in
+    further: dict[Path, Path] = {}  # the first one that is only counted
     for e in error.errors(include_url=False):
         path = real_path(e["loc"], data)
         kind, name, context = e["type"], spell(path, data), e.get("ctx", {})
@@ -145,12 +150,19 @@ def translate(error: ValidationError, model: type[BaseModel], data: Any) -> list
         if kind == "extra_forbidden":
             known = model_at(model, path[:-1])
             where = f" in {spell(path[:-1], data)}" if path[:-1] else ""
+            unknown[path[:-1]] = unknown.get(path[:-1], 0) + 1
+            if unknown[path[:-1]] > UNKNOWN:
+                further.setdefault(path[:-1], path)
+                continue
             hint = suggest(str(path[-1]), known.model_fields) if known else ""
             mistake = Mistake(path, f"unknown key '{path[-1]}'{where}", hint, key=True)
         else:
             hint = _hint(kind, e) or (_description(model, path) if kind in _COLLECTIONS else "")
             mistake = Mistake(path, f"{name or 'the document'} {_predicate(kind, context, e)}", hint)
         found.setdefault(path, mistake)
+    for inside, path in further.items():
+        rest = unknown[inside] - UNKNOWN
+        found[path] = Mistake(path, f"and {rest} more unknown key{'s' * (rest > 1)}", key=True)
     return list(found.values())
 
 

@@ -18,8 +18,8 @@ from occontrol.core.errors import ProblemError
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.filter.consistency import expected_nees
 from occontrol.families.athans.filter.planned import default_model
-from occontrol.families.athans.inspection import inspect
 from occontrol.families.athans.integration.options import Integration
+from occontrol.families.athans.warnings import warnings_of
 
 CASES = Path(__file__).resolve().parents[2] / "data" / "soundness"
 
@@ -95,7 +95,7 @@ def test_one_window_outside_of_several_is_a_warning() -> None:
     problem = replace(problem, edges=np.linspace(0, 10, 21), sensors=[sensor, problem.sensors[1]])
     assert problem.warnings == ("the window [30, 40] of sensor 'range' lies outside the horizon [0, 10]",)
     assert [t for t, _ in problem.added_edges] == [9.955]  # what hangs over the end is cut
-    assert ("warning", problem.warnings[0]) in inspect(problem)
+    assert [(m.path, m.what) for m in warnings_of(problem)] == [(("sensors", 0, "windows"), problem.warnings[0])]
 
 
 def test_a_pulse_of_information_between_the_nodes_is_seen() -> None:

@@ -21,6 +21,7 @@ from occontrol.families.athans.integration.folded import Extrapolated
 from occontrol.families.athans.integration.integrator import Integrator
 from occontrol.families.athans.integration.priced import PricedSweep
 from occontrol.families.athans.integration.relaxed import interval_loss, relax
+from occontrol.families.athans.integration.resume import earlier_policy
 from occontrol.families.athans.methods import Collocation
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling.relaxation import RelaxedOptions
@@ -49,11 +50,15 @@ def search_space(problem: SchedulingProblem, method: Any, monitor: Monitor) -> t
         return integrator, integrator.sweep
     monitor.stage = "relaxation"
     limits = RelaxedOptions(method.relative_gap, getattr(method, "max_iterations", BESIDE))
-    return relax_and_refine(problem, limits, monitor)
+    return relax_and_refine(problem, limits, monitor, start=earlier_policy(problem, monitor))
 
 
 def relax_and_refine(
-    problem: SchedulingProblem, limits: RelaxedOptions, monitor: Monitor, refine: bool = True
+    problem: SchedulingProblem,
+    limits: RelaxedOptions,
+    monitor: Monitor,
+    refine: bool = True,
+    start: np.ndarray | None = None,
 ) -> tuple[Integrator, PricedSweep]:
     """The relaxation of a problem, on further edges where the file lets them be added and they are needed.
 
@@ -63,11 +68,12 @@ def relax_and_refine(
     limits : of the relaxation
     monitor : Monitor
     refine : False adds no edge whatever the problem says
+    start : (N, M) policy to begin at, or None
 
     Returns the Integrator of the problem with its edges, and the relaxation as a PricedSweep.
     """
     integrator = Integrator(problem, limits.relative_gap)
-    found = relax(integrator, limits, monitor)
+    found = relax(integrator, limits, monitor, start)
     room, top = problem.intervals // 4 + MOST, TOP
     for _ in range(ROUNDS if refine and problem.integration.refine and problem.integration.substeps is None else 0):
         if monitor.stop or room <= 0 or not np.isfinite(found.outcome.cost):

@@ -1,0 +1,23 @@
+"""What a precision problem says that is allowed and hardly meant."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from occontrol.core.errors import Mistake
+from occontrol.families.precision.ensemble import EnsembleFilter
+
+
+def warnings_of(problem: Any) -> list[Mistake]:
+    """An ensemble with fewer members than states: its covariance has rank members - 1 at most.
+
+    Parameters
+    ----------
+    problem : of this family
+    """
+    chosen = problem.filter
+    if not isinstance(chosen, EnsembleFilter) or problem.plant is None or chosen.members > problem.plant.states:
+        return []
+    n = problem.plant.states
+    what = f"the ensemble has {chosen.members} members, the plant {n} states: its covariance is singular"
+    return [Mistake(("filter", "members"), what, f"more than {n} members")]
