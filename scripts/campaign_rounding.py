@@ -1,8 +1,8 @@
 """Cost, bound and allowance of random problems in far regimes against enumeration in 60 digits.
 
-The judge is tests/decimal_recursion.py, which shares no code with the product.
+The judge is tests/decimal_recursion.py, which shares no code with the product. Run from the project's folder:
 
-    python scripts/campaign_rounding.py [count] [seed]
+    python -m scripts.campaign_rounding [count] [seed]
 
 Counts bounds above the true optimum and costs that are off by more than the allowance, by regime.
 """
@@ -12,45 +12,12 @@ from __future__ import annotations
 import sys
 from collections import defaultdict
 from decimal import Decimal
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-
-from decimal_recursion import REGIMES, Data, Judge, random_data
-from occontrol.families.athans.run_method import run_method
-
 from occontrol.core.errors import OccontrolError
-from occontrol.core.monitor import Monitor
-from occontrol.core.plant import LinearPlant
-from occontrol.core.sensor import Sensor, idle_sensor
-from occontrol.families.athans.balanced import balanced
-from occontrol.families.athans.discretise import discretise
-from occontrol.families.athans.methods import RelaxRoundPolish
-from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.proof import Proof, prove
-from occontrol.scheduling.sweep import Sweep
-
-
-def as_problem(data: Data) -> SchedulingProblem:
-    """The product's problem of the judge's data."""
-    sensors = [
-        Sensor(f"s{j}", C, theta, q) if len(C) else idle_sensor(len(data.A))
-        for j, (C, theta, q) in enumerate(data.sensors)
-    ]
-    plant = LinearPlant(data.A, data.noise, data.covariance)
-    more = {"cost_weight": data.cost_weight, "running": data.running}
-    return SchedulingProblem("random", plant, sensors, data.edges, data.output, **more)
-
-
-def proven(problem: SchedulingProblem) -> tuple[np.ndarray, Proof]:
-    """The schedule that the default method finds, and its proof."""
-    inner, _ = balanced(problem)
-    sweep = Sweep(discretise(inner))
-    found = run_method(inner, RelaxRoundPolish(relative_gap=1e-7, max_iterations=300), sweep, Monitor())
-    return found.weights, prove(sweep, found.weights, found.relaxed.lower_bound, found.relaxed.weights)
+from tests.decimal_problems import as_problem, proven
+from tests.decimal_recursion import REGIMES, Judge, random_data
 
 
 def main() -> None:

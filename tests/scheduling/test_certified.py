@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from decimal import Decimal
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
-
-from campaign_rounding import as_problem, proven
-from decimal_recursion import REGIMES, Data, Judge, random_data
 
 from occontrol.families.athans.balanced import balanced
 from occontrol.families.athans.discretise import discretise
 from occontrol.scheduling import certified
 from occontrol.scheduling.certified import Roots, square_root_pass
 from occontrol.scheduling.sweep import Sweep
+from tests.decimal_problems import as_problem, proven
+from tests.decimal_recursion import REGIMES, Data, Judge, random_data
 
 
 def random_policy(rng: np.random.Generator, upper: np.ndarray) -> np.ndarray:
@@ -31,7 +25,7 @@ def random_policy(rng: np.random.Generator, upper: np.ndarray) -> np.ndarray:
 def test_cost_and_gradient_are_those_of_the_sweep(seed):
     rng = np.random.default_rng(seed)
     recursion = discretise(as_problem(random_data(rng, "plain")))
-    weights = random_policy(rng, recursion.upper)
+    weights = random_policy(rng, recursion.available)
     J, g = Sweep(recursion).cost_and_gradient(weights)
     found = square_root_pass(Roots.of(recursion), weights)
     assert found.cost == pytest.approx(J, rel=1e-13)
@@ -42,7 +36,7 @@ def test_cost_and_gradient_are_those_of_the_sweep(seed):
 def test_the_gradient_is_the_slope_of_the_cost():
     rng = np.random.default_rng(11)
     roots = Roots.of(discretise(as_problem(random_data(rng, "plain"))))
-    v = random_policy(rng, roots.recursion.upper) + 0.05
+    v = random_policy(rng, roots.recursion.available) + 0.05
     g = square_root_pass(roots, v).gradient
     for k, j in [(0, 0), (1, 1), (2, 0)]:
         up, down = v.copy(), v.copy()
@@ -56,7 +50,7 @@ def test_stretches_that_do_not_fit_into_memory_give_the_same_bits(monkeypatch):
     rng = np.random.default_rng(3)
     for _ in range(3):
         recursion = discretise(as_problem(random_data(rng, "plain")))
-        weights = random_policy(rng, recursion.upper)
+        weights = random_policy(rng, recursion.available)
         whole = square_root_pass(Roots.of(recursion), weights)
         with monkeypatch.context() as patch:
             patch.setattr(certified, "BYTES", 1)  # one interval at a time
@@ -86,7 +80,7 @@ def test_the_square_root_form_keeps_digits_that_the_sweep_loses():
     for _ in range(10):
         data = random_data(rng, "prior")
         recursion = discretise(balanced(as_problem(data))[0])
-        weights = np.zeros(recursion.upper.shape)
+        weights = np.zeros(recursion.available.shape)
         weights[np.arange(len(weights)), np.arange(len(weights)) % 2] = 1.0
         true = Judge(data).cost(weights)
         found, plain = square_root_pass(Roots.of(recursion), weights).cost, Sweep(recursion).cost(weights)

@@ -86,7 +86,10 @@ def balanced(problem: SchedulingProblem) -> tuple[SchedulingProblem, StateUnits]
         "output": scaled(problem.output, one(problem.output.shape[0]), d),
         "running": None if problem.running is None else scaled(problem.running, d, d),
     }
-    return BalancedProblem(**fields), units
+    inner = BalancedProblem(**fields)
+    for name in ("added_edges", "warnings"):  # the edges are there already, so it would not know which were added
+        object.__setattr__(inner, name, getattr(problem, name))
+    return inner, units
 
 
 def restored(solution: Solution, problem: SchedulingProblem, units: StateUnits) -> Solution:

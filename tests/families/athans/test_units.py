@@ -14,7 +14,7 @@ from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.signal import as_signal
 from occontrol.core.solution import Status
 from occontrol.families.athans.balanced import balanced, state_units
-from occontrol.families.athans.family import certify
+from occontrol.families.athans.certify import certify
 from occontrol.families.athans.filter.online import make_plan
 from occontrol.families.athans.filter.sampled_model import exact_model
 from occontrol.families.athans.methods import RelaxRoundPolish
