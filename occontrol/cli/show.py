@@ -52,5 +52,3 @@ def _listed(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{key} {entry}" for key, entry in value.items() if entry is not None) or "-"
     return "-" if value is None else str(value)
-
-

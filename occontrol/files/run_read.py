@@ -75,5 +75,3 @@ def _locate(folder: Path, base: Path | None, name: str) -> Path:
 
 def _wrong(what: str, place: Path) -> ProblemError:
     return ProblemError(Mistake((), what, place=str(place)))
-
-

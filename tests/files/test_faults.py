@@ -70,8 +70,9 @@ def test_another_problems_complete_result_gives_way_to_complete_ones_only(
     assert placed.folder == tmp_path / "interrupted" and "another problem" in placed.remark
     assert place_run(tmp_path, other, small_solution).folder == tmp_path
     named = {**text, "name": "renamed", "method": {"name": "greedy"}}
-    assert place_run(tmp_path / "x", text, small_solution).content["digest"] == (
-        place_run(tmp_path / "y", named, small_solution).content["digest"]
+    assert (
+        place_run(tmp_path / "x", text, small_solution).content["digest"]
+        == (place_run(tmp_path / "y", named, small_solution).content["digest"])
     )
 
 

@@ -76,9 +76,7 @@ class MatrixReader:
     name : path -> what the user calls the thing
     """
 
-    def __init__(
-        self, found: Collector, load: Callable[..., np.ndarray | None], name: Callable[[Path], str]
-    ):
+    def __init__(self, found: Collector, load: Callable[..., np.ndarray | None], name: Callable[[Path], str]):
         self.found, self.load, self.name = found, load, name
         self.states: int | None = None  # of the plant, once its A or F was read
 

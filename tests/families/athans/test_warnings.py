@@ -33,9 +33,7 @@ def test_a_warning_has_its_place_and_strict_refuses_it(
     assert not (tmp_path / "run").exists()
 
 
-def test_a_growing_mode_that_nobody_sees(
-    small_text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_growing_mode_that_nobody_sees(small_text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = small_text.replace('[[0, 1], ["-(1+0.2*sin(t))", -0.4]]', "[[0.3, 0], [0, -1]]")
     (tmp_path / "x.yaml").write_text(text.replace("C: [[1, 0]]", "C: [[0, 1]]"))
     assert run(["check", str(tmp_path / "x.yaml")]) == 0
