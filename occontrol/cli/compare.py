@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from occontrol.core.solution import Solution
 
 ERROR = "_standard_error"
-GROUPS = ("continuous",)  # numbers that belong together
+GROUPS = ("top", "continuous")  # numbers that belong together
 
 
 def compare(
@@ -86,14 +86,15 @@ def comparison(solutions: dict[str, Solution]) -> list[dict[str, Any]]:
     ----------
     solutions : Solution by method name
     """
-    bounds = [s.certificate.lower_bound for s in solutions.values() if s.certificate is not None]
-    best = max(bounds, default=None)
+    tops = {name: getattr(s.numbers, "top", None) or s.certificate for name, s in solutions.items()}
+    best = max((top.lower_bound for top in tops.values() if top is not None), default=None)
     rows = []
     for name, solution in solutions.items():
         numbers = solution.numbers
-        cost = getattr(numbers, "cost", None)
+        top = tops[name]
+        cost = getattr(numbers, "cost", None) if top is None else top.cost
         record: dict[str, Any] = {"method": name, "status": str(solution.status), "cost": cost}
-        record["lower_bound"] = getattr(numbers, "lower_bound", None)
+        record["lower_bound"] = getattr(numbers, "lower_bound", None) if top is None else top.lower_bound
         if best is not None and isinstance(cost, int | float) and cost:
             record["gap_to_best_bound"] = (cost - best) / abs(cost)
         # whatever else the family reports as a number, or as several that belong together
@@ -118,6 +119,7 @@ def _print(rows: list[dict[str, Any]], named: Sequence[str] = ()) -> None:
         "iterations",
         "seconds",
         "continuous",
+        "top",
     }
     bounded = any(isinstance(r.get("lower_bound"), int | float) for r in rows)
     # families without a cost bound are compared by the numbers that they report, some name theirs

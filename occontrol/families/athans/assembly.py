@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
-from occontrol.families.athans.certificate import judge
+from occontrol.families.athans.certificate import Judgement, judge
 from occontrol.families.athans.discretise import feasible_set, prediction_weight
 from occontrol.families.athans.filter.gains import filter_gains
 from occontrol.families.athans.filter.planned import planned_gains
@@ -15,7 +16,7 @@ from occontrol.families.athans.found import Found
 from occontrol.families.athans.integration.integrator import Integrator
 from occontrol.families.athans.integration.path import finer_steps, parts_of
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.families.athans.result import AthansResult, ContinuousNumbers
+from occontrol.families.athans.result import AthansResult, ContinuousNumbers, TopNumbers
 from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.hminimal import polish
 from occontrol.scheduling.proof import prove
@@ -56,7 +57,11 @@ def assemble(
     monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
     # whoever interrupts waits for one re-integration, not for two
     better = relaxed.weights if relaxed is not None and not monitor.interrupted else None
-    judged = judge(problem, v, certificate.cost, better, evaluated.error)
+    judged, unfinished = None, ""
+    try:
+        judged = judge(problem, v, certificate.cost, better, evaluated.error)
+    except SolveFailed as error:  # schedule and certificate on the grid stand all the same
+        unfinished = str(error)
     parts = parts_of(integrator, evaluated)
     path = parts.path
     status, message = found.status, found.message
@@ -66,17 +71,21 @@ def assemble(
     schedule = Schedule(problem.edges, v, tuple(problem.sensors.names))
     singular = _singular_fraction(sweep, allowed, relaxed.weights if relaxed is not None else v, v, monitor)
     observation, error = parts.observation, parts.prediction
-    continuous = judged.certificate
     if certificate.contradicts:
         status, message = Status.DISAGREES, certificate.text
-    elif not judged.agrees:
+    elif judged is not None and not judged.agrees:
         status, message = Status.DISAGREES, judged.text
     elif not _adds_up(certificate.cost + proof.below, observation, error, r.running.shape[0] > 0):
         status, message = Status.DISAGREES, _SPOILT
-    remarks = "" if status is Status.DISAGREES else _coarse(certificate, continuous) + proof.remark(found.target)
+    top, continuous = _tops(certificate, judged, unfinished)
+    if judged is None and status is Status.CERTIFIED:
+        status = Status.FEASIBLE
+    remarks = "" if status is Status.DISAGREES else _remark(certificate, top, unfinished) + proof.remark(found.target)
+    error_of_steps = evaluated.error if judged is None else judged.discretisation_error
     running = certificate.cost - observation - error if r.running.shape[0] else 0.0
     numbers = AthansResult(
         name=problem.name,
+        top=top,
         cost=certificate.cost,
         lower_bound=certificate.lower_bound,
         relative_gap=certificate.relative_gap,
@@ -86,14 +95,14 @@ def assemble(
         running_cost=running,
         prediction_error=error,
         predicted_mean_square_error=error + prediction_weight(problem)[1],
-        continuous=ContinuousNumbers(continuous.cost, continuous.lower_bound, continuous.relative_gap),
-        discretisation_error=judged.discretisation_error,
+        continuous=continuous,
+        discretisation_error=error_of_steps,
         relaxed_cost=relaxed.cost if relaxed is not None else certificate.cost,
         relaxed_lower_bound=relaxed.lower_bound if relaxed is not None else certificate.lower_bound,
         singular_fraction=singular,
         intervals=problem.intervals,
         integration_steps=evaluated.steps,
-        integration_error=judged.discretisation_error,
+        integration_error=error_of_steps,
         added_edges=[{"t": t, "why": why} for t, why in problem.added_edges],
         warnings=list(problem.warnings),
         switches=schedule.switches,
@@ -117,7 +126,7 @@ def assemble(
         problem=problem,
         method=name,
         status=status,
-        message=(message or _message(status, certificate, singular, schedule)) + remarks,
+        message=(message or _message(status, top, singular, schedule)) + remarks,
         iterations=found.iterations,
         numbers=numbers,
         monitor=monitor,
@@ -149,7 +158,8 @@ _SPOILT = (
     "rounding has spoilt the recursion, its cost is not the sum of its parts: the covariance grows too far between "
     "measurements, use shorter intervals"
 )
-COARSE = 0.1
+COARSE = 0.1  # of the cost: a difference between recursion and continuous time that is worth a remark
+WEAK = 0.01  # gap at the top that is worth a remark where the gap on the grid is much smaller
 
 
 def _adds_up(cost: float, observation: float, error: float, running: bool) -> bool:
@@ -159,16 +169,37 @@ def _adds_up(cost: float, observation: float, error: float, running: bool) -> bo
     return rest >= -slack and (running or rest <= slack)
 
 
-def _coarse(certificate: Certificate, continuous: Certificate) -> str:
-    """A remark where the grid says little about continuous time."""
-    if abs(certificate.cost - continuous.cost) <= COARSE * abs(continuous.cost):
-        return ""
-    return f" The grid is coarse: in continuous time this schedule costs {continuous.cost:.6g}; use more intervals."
+def _tops(
+    certificate: Certificate, judged: Judgement | None, reason: str
+) -> tuple[TopNumbers, ContinuousNumbers]:
+    """The pair for the top, in continuous time where the check finished, and the continuous numbers."""
+    if judged is None:
+        on_grid = TopNumbers(certificate.cost, certificate.lower_bound, certificate.relative_gap, "grid")
+        return on_grid, ContinuousNumbers(None, None, None, reason)
+    c = judged.certificate
+    numbers = (c.cost, c.lower_bound, c.relative_gap)
+    return TopNumbers(*numbers, "continuous"), ContinuousNumbers(*numbers)
 
 
-def _message(status: Status, certificate: Certificate, singular: float, schedule: Schedule) -> str:
-    text = f"No schedule on this grid costs less than {certificate.lower_bound:.6g}."
+def _remark(certificate: Certificate, top: TopNumbers, unfinished: str) -> str:
+    """A remark where the grid and continuous time say different things, or one of them nothing."""
+    if unfinished:
+        return f" The check in continuous time is not computed: {unfinished}"
+    if abs(certificate.cost - top.cost) > COARSE * abs(top.cost):
+        return f" The steps are coarse: the recursion puts the cost at {certificate.cost:.6g}; use more intervals."
+    if top.relative_gap > max(WEAK, 2 * certificate.relative_gap):
+        share = f"{100 * certificate.relative_gap:.3g} %"
+        return f" With changes at these edges only the gap is {share}: more intervals would bring the two together."
+    return ""
+
+
+def _message(status: Status, top: TopNumbers, singular: float, schedule: Schedule) -> str:
+    which = "whenever it switches" if top.of == "continuous" else "that changes at these edges"
+    text = f"No schedule {which} costs less than {top.lower_bound:.6g}."
+    if top.of == "continuous":
+        text = f"No schedule costs less than {top.lower_bound:.6g}, {which}."
     if singular > 0 and status in (Status.CERTIFIED, Status.FEASIBLE):
         text += f" Arcs are singular on {100 * singular:.3g} % of the horizon: there"
-        text += " the optimum is approached only by fast switching." if schedule.is_integer else " weights are shares."
+        fast = " the optimum is approached only by fast switching."
+        text += fast if schedule.is_integer else " the weights are fractions of time."
     return text if status in (Status.CERTIFIED, Status.FEASIBLE) else f"{status.text} {text}"

@@ -77,7 +77,7 @@ def output_deviation(problem: SchedulingProblem, covariance: np.ndarray) -> np.n
 
 def _subtitle(problem: SchedulingProblem, solution: Solution) -> str:
     text = f"method {solution.method} · {sizes(problem)}"
-    c = solution.certificate
+    c = solution.numbers.top or solution.certificate
     if c is None or not np.isfinite(c.lower_bound):
         return f"{text} · cost {solution.cost:.7g}"
     return f"{text} · cost {c.cost:.7g}, proven bound {c.lower_bound:.7g}, gap {100 * c.relative_gap:.2g} %"
@@ -233,15 +233,14 @@ def _overview(problem: SchedulingProblem, solution: Solution) -> Figure:
 
 
 def _certificate_text(solution: Solution) -> str:
-    lines = [f"status {solution.status}", "", f"cost {solution.cost:.7g}"]
-    c = solution.certificate
+    c, top = solution.certificate, solution.numbers.top
+    lines = [f"status {solution.status}"]
+    if top is not None and top.of == "continuous":
+        lines += ["", "whenever it switches", f"cost {top.cost:.7g}", f"proven bound {top.lower_bound:.7g}"]
+        lines += [f"gap {100 * top.relative_gap:.3g} %", "", "with changes at these edges"]
+    lines += [f"cost {solution.cost:.7g}"]
     if c is not None and np.isfinite(c.lower_bound):
         lines += [f"proven bound {c.lower_bound:.7g}", f"gap {100 * c.relative_gap:.3g} %"]
-    continuous = solution.numbers.continuous
-    if continuous is not None and isinstance(continuous.cost, float):
-        lines += ["", "in continuous time", f"cost {continuous.cost:.7g}"]
-        if isinstance(continuous.lower_bound, float):
-            lines += [f"proven bound {continuous.lower_bound:.7g}", f"gap {100 * continuous.relative_gap:.3g} %"]
     schedule = solution.schedule
     if schedule is not None:
         lines += ["", f"{schedule.switches} switch{'es' * (schedule.switches != 1)}"]

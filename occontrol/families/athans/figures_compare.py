@@ -47,9 +47,10 @@ def draw_compare(problem: SchedulingProblem, solutions: Mapping[str, Solution]) 
         figure = style.new_figure((13.33, min(12.0, 2.2 + 0.85 * count)), problem.name, sizes(problem))
         left, right = figure.subplots(1, 2, width_ratios=[1.6, 1])
         _compared_schedules(left, problem, solutions)
-        bounds = [s.certificate.lower_bound for s in solutions.values() if s.certificate is not None]
+        tops = [s.numbers.top or s.certificate for s in solutions.values()]
+        bounds = [top.lower_bound for top in tops if top is not None]
         best = max(bounds, default=float("nan"))
-        costs = np.array([s.cost for s in solutions.values()])
+        costs = np.array([s.cost if top is None else top.cost for s, top in zip(solutions.values(), tops, strict=True)])
         places = np.arange(count)[::-1]
         right.barh(places, costs, height=0.6, color=style.ACCENT, alpha=0.85)
         for place, cost in zip(places, costs, strict=True):

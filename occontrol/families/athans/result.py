@@ -3,26 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 from occontrol.core.result import ResultData
 
 
 @dataclass(frozen=True)
+class TopNumbers(ResultData):
+    """The pair that stands at the top of whatever a person reads.
+
+    Parameters
+    ----------
+    cost, lower_bound, relative_gap : of the policy
+    of : "continuous", whenever a schedule switches; "grid", for schedules that change at the edges
+    """
+
+    cost: float
+    lower_bound: float
+    relative_gap: float
+    of: str
+
+
+@dataclass(frozen=True)
 class ContinuousNumbers(ResultData):
-    """A policy integrated again in continuous time, with other code.
+    """A policy integrated again in continuous time, with other code; all None where that did not finish.
 
     Parameters
     ----------
     cost : J of the policy
     lower_bound : no schedule costs less, whenever it switches
     relative_gap : (cost - lower_bound)/|cost|
+    reason : why it did not finish
     """
 
-    cost: float
-    lower_bound: float
-    relative_gap: float
+    cost: float | None
+    lower_bound: float | None
+    relative_gap: float | None
+    reason: str | None = field(default=None, metadata={"optional": True})
 
 
 @dataclass(frozen=True)
@@ -32,6 +50,7 @@ class AthansResult(ResultData):
     Parameters
     ----------
     name : of the problem
+    top : the pair to look at first
     cost, lower_bound, relative_gap : of the discretised problem
     allowance : how far rounding may have moved cost and bound, in cost units; the bound is lowered by it
     observation_cost : int sum_j q_j v_j dt, before it is weighted
@@ -54,6 +73,7 @@ class AthansResult(ResultData):
     """
 
     name: str
+    top: TopNumbers | None
     cost: float
     lower_bound: float
     relative_gap: float
@@ -83,4 +103,6 @@ class AthansResult(ResultData):
         """The result that a result.json describes; what is not there is None."""
         stated = content.get("continuous")
         continuous = ContinuousNumbers.from_dict(stated) if isinstance(stated, Mapping) else None
-        return super().from_dict({**content, "continuous": continuous})
+        first = content.get("top")
+        top = TopNumbers.from_dict(first) if isinstance(first, Mapping) else None
+        return super().from_dict({**content, "continuous": continuous, "top": top})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from occontrol.core.solution import Solution
 from occontrol.families.athans.inspection import inspect
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.families.athans.result import AthansResult
+from occontrol.families.athans.result import AthansResult, TopNumbers
 
 
 def describe(problem: SchedulingProblem) -> list[tuple[str, str]]:
@@ -26,15 +26,18 @@ def summarise(solution: Solution) -> list[tuple[str, str]]:
     solution : Solution
     """
     r: AthansResult = solution.numbers  # type: ignore[assignment]
+    top = r.top or TopNumbers(r.cost, r.lower_bound, r.relative_gap, "grid")
+    which = "whenever it switches" if top.of == "continuous" else "for schedules that change at these edges"
     lines = [
         ("method", f"{solution.method}, {solution.iterations} iterations, {solution.seconds:.2f} s"),
-        ("cost", f"{r.cost:.8g}"),
-        ("lower bound", f"{r.lower_bound:.8g}   gap {100 * r.relative_gap:.3g} %"),
+        ("cost", f"{top.cost:.8g}"),
+        ("lower bound", f"{top.lower_bound:.8g}   gap {100 * top.relative_gap:.3g} %, {which}"),
     ]
-    c = r.continuous
-    if c is not None:
-        text = f"cost {c.cost:.8g}   bound {c.lower_bound:.8g}   gap {100 * c.relative_gap:.3g} %"
-        lines.append(("continuous", text))
+    if top.of == "continuous":
+        text = f"cost {r.cost:.8g}   bound {r.lower_bound:.8g}   gap {100 * r.relative_gap:.3g} %"
+        lines.append(("on the grid", text))
+    elif r.continuous is not None and r.continuous.reason:
+        lines.append(("continuous", f"not computed: {r.continuous.reason.splitlines()[0]}"))
     observed = f"observation {r.observation_cost:.6g} x {r.cost_weight:g}"
     lines.append(("parts", f"{observed}, running {r.running_cost:.6g}, prediction {r.prediction_error:.6g}"))
     singular = f"singular on {100 * r.singular_fraction:.3g} % of the horizon"

@@ -7,11 +7,13 @@ import pytest
 
 import occontrol
 from occontrol.core.plant import LinearPlant
+from occontrol.core.schedule import Schedule
 from occontrol.core.sensor import Sensor
 from occontrol.core.solution import Certificate, Status
-from occontrol.families.athans.assembly import _adds_up, _coarse
+from occontrol.families.athans.assembly import _adds_up, _message, _remark
 from occontrol.families.athans.certificate import discretisation_error
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.families.athans.result import TopNumbers
 
 
 def problem(intervals: int, end: float = 20.0, growth: float = -0.9) -> SchedulingProblem:
@@ -61,8 +63,24 @@ def test_a_cost_is_the_sum_of_its_parts() -> None:
 
 
 def test_the_remark_on_a_coarse_grid() -> None:
-    assert _coarse(Certificate(1.05, 1.0), Certificate(1.0, 0.9)) == ""
-    assert "costs 1; use more intervals" in _coarse(Certificate(1.2, 1.0), Certificate(1.0, 0.9))
+    assert _remark(Certificate(1.05, 0.95), TopNumbers(1.0, 0.9, 0.1, "continuous"), "") == ""
+    assert "puts the cost at 1.2; use more intervals" in _remark(
+        Certificate(1.2, 1.0), TopNumbers(1.0, 0.9, 0.1, "continuous"), ""
+    )
+    weak = _remark(Certificate(1.0, 0.999), TopNumbers(1.0, 0.76, 0.24, "continuous"), "")
+    assert weak == " With changes at these edges only the gap is 0.1 %: more intervals would bring the two together."
+    assert _remark(Certificate(1.0, 0.999), TopNumbers(1.0, 0.995, 0.005, "continuous"), "") == ""
+    assert "is not computed: too many panels" in _remark(
+        Certificate(1.0, 0.9), TopNumbers(1.0, 0.9, 0.1, "grid"), "too many panels"
+    )
+
+
+def test_the_message_says_for_which_schedules_the_bound_holds() -> None:
+    schedule = Schedule(np.array([0.0, 1.0]), np.array([[1.0]]), ("a",))
+    everywhere = _message(Status.CERTIFIED, TopNumbers(1.0, 0.9, 0.1, "continuous"), 0.0, schedule)
+    assert everywhere == "No schedule costs less than 0.9, whenever it switches."
+    on_edges = _message(Status.FEASIBLE, TopNumbers(1.0, 0.9, 0.1, "grid"), 0.0, schedule)
+    assert on_edges == "No schedule that changes at these edges costs less than 0.9."
 
 
 def test_a_table_that_jumps_within_an_interval_is_no_disagreement() -> None:
