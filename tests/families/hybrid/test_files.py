@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from occontrol.api import compare_figure, document, figures_of, read_problem
+from occontrol.api import compare_figure, document, figures_of, read_problem, read_run, write_run
 from occontrol.core.errors import ProblemError
 from occontrol.families.hybrid.family import FAMILY as hybrid
 from occontrol.families.hybrid.methods import Scheduled
 from occontrol.files.plain_json import to_json
-from occontrol.files.run_folder import read_run, write_run
 
 ROOT = Path(__file__).resolve().parents[3]
 NAMES = ("turning_target", "guarded_thermostat", "four_radars")

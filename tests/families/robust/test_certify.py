@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from occontrol.api import read_schedule
 from occontrol.core.claims import Claims
 from occontrol.core.errors import ProblemError
 from occontrol.core.schedule import Schedule
@@ -12,7 +13,6 @@ from occontrol.families.robust.certify import claims_of, on_slots
 from occontrol.families.robust.family import FAMILY
 from occontrol.families.robust.plant import UncertainPlant
 from occontrol.families.robust.problem import Problem
-from occontrol.files.data_files import read_schedule
 
 NAMES = ("one", "two")
 
