@@ -13,6 +13,7 @@ from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Status
+from occontrol.families.athans.family import FAMILY
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.methods import (
     METHODS,
@@ -33,10 +34,10 @@ from tests.families.athans.random_problems import random_problem
     (Relaxed, {"relative_gap": -1.0}, "relative_gap of method relaxed is -1.0\n  hint: a number above 0"),
     (Relaxed, {"relative_gap": 0.0}, "relative_gap of method relaxed is 0.0"),
     (Relaxed, {"relative_gap": float("nan")}, "relative_gap of method relaxed is nan"),
-    (Relaxed, {"max_iterations": -5}, "max_iterations of method relaxed is -5\n  hint: a number of at least 1"),
+    (Relaxed, {"max_iterations": -5}, "max_iterations of method relaxed is -5\n  hint: a whole number of at least 1"),
     (RelaxRoundPolish, {"relative_gap": -1.0}, "relative_gap of method schedule is -1.0"),
     (RelaxRoundPolish, {"max_iterations": 0}, "max_iterations of method schedule is 0"),
-    (RelaxRoundPolish, {"polish": -1}, "polish of method schedule is -1\n  hint: a number of at least 0"),
+    (RelaxRoundPolish, {"polish": -1}, "polish of method schedule is -1\n  hint: a whole number of at least 0"),
     (RelaxRoundPolish, {"time_limit": -2.0}, "time_limit of method schedule is -2.0"),
     (HMinimal, {"relative_gap": 0}, "relative_gap of method hminimal is 0"),
     (HMinimal, {"max_iterations": 0}, "max_iterations of method hminimal is 0"),
@@ -46,7 +47,7 @@ from tests.families.athans.random_problems import random_problem
     (Collocation, {"stages": 0}, "stages of method collocation is 0"),
     (Collocation, {"max_iterations": 0}, "max_iterations of method collocation is 0"),
     (BestSingle, {"relative_gap": -1}, "relative_gap of method best-single is -1"),
-    (RoundRobin, {"dwell": 0}, "dwell of method round-robin is 0\n  hint: a number of at least 1"),
+    (RoundRobin, {"dwell": 0}, "dwell of method round-robin is 0\n  hint: a whole number of at least 1"),
     (RoundRobin, {"dwell": -3}, "dwell of method round-robin is -3"),
     (Random, {"seed": -1}, "seed of method random is -1"),
     (Greedy, {"relative_gap": "x"}, "relative_gap of method greedy is 'x'"),
@@ -82,10 +83,10 @@ class Boastful:
 
 def test_a_toy_method_needs_no_other_file_and_its_false_bound_is_found_out():
     problem = random_problem(2)
-    honest = solve(problem, Boastful(0.0))
+    honest = FAMILY.solve(problem, Boastful(0.0), Monitor())
     assert honest.method == "boastful" and honest.status is Status.FEASIBLE
     assert honest.cost == solve(problem, RoundRobin()).cost
-    caught = solve(problem, Boastful())
+    caught = FAMILY.solve(problem, Boastful(), Monitor())
     assert caught.status is Status.DISAGREES
     assert "the lower bound 1000000 lies above the cost" in caught.message
     assert caught.result["lower_bound"] == 1e6  # shown, not hidden
