@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.api import read_problem
 from occontrol.families.precision.ensemble import EnsembleFilter
 from occontrol.families.precision.measurement import NonlinearMeasurement
 from occontrol.families.precision.normal_form import NormalForm, reduced_form
 from occontrol.families.precision.plant import NonlinearPlant
 from occontrol.families.precision.problem import Problem
 from occontrol.families.precision.program import Program, examine, solve_program
-from occontrol.files.problem_file import read_problem
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 

@@ -26,7 +26,8 @@ class ResultData:
             if field.name == "extra":
                 content |= value
             elif value is not None or not field.metadata.get("optional"):
-                content[field.name] = value.as_dict() if hasattr(value, "as_dict") else value
+                plain = getattr(value, "as_dict", None)
+                content[field.name] = value if plain is None else plain()
         return content
 
     @classmethod
