@@ -125,7 +125,12 @@ class FamilyNames:
         raise AttributeError(f"occontrol.{self._family} has no '{name}'; there are: {', '.join(dir(self))}")
 
     def __dir__(self) -> list[str]:
-        return sorted(self._homes)
+        if self._homes:
+            return sorted(self._homes)
+        from occontrol.families import find_family
+
+        family = find_family(self._family)  # one that the table does not list
+        return sorted(kind.__name__ for kind in (*family.methods.values(), family.problem_type))
 
     def __repr__(self) -> str:
         return f"<the problems and methods of family {self._family}>"
@@ -144,4 +149,6 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*__all__, *_FAMILIES])
+    from occontrol.families import names
+
+    return sorted([*__all__, *names()])
