@@ -8,10 +8,12 @@ from occontrol.core.clock import tolerance
 from occontrol.core.memory import size
 from occontrol.families.athans.need import need
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.families.athans.sensor_noise import sample_deviations
 from occontrol.numerics.transition import transitions
 
 RANK = 1e-10
 SAMPLES = 40
+MOST_SENSORS = 12  # of which one sample is described
 
 
 def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
@@ -43,6 +45,9 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
     found.append(
         ("observation cost", f"{low:.6g} to {high:.6g} over the horizon, times cost_weight {problem.cost_weight:g}")
     )
+    for name, h, deviations in sample_deviations(problem)[:MOST_SENSORS]:
+        values = ", ".join(f"{d:.3g}" for d in deviations)
+        found.append((f"sample of {name}", f"the average over {h:.4g} has deviation {values}: noise is an intensity"))
     lacking = np.sum(problem.upper, axis=1) < problem.select - 1e-9
     windows = [
         f"{s.name} {100 * float(steps @ problem.upper[:, j]) / steps.sum():.3g} %"

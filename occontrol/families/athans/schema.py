@@ -17,6 +17,7 @@ from occontrol.families.athans.growth import beyond_numbers
 from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.methods import METHODS
 from occontrol.families.athans.problem import SchedulingProblem, uniform_edges
+from occontrol.families.athans.sensor_noise import sensor_noise
 from occontrol.files.schema.common import (
     Context,
     Entries,
@@ -64,7 +65,9 @@ class Plant(Strict):
 class SensorEntry(Strict):
     name: str = Field(description="name: a word")
     C: Matrix = Field(description="C: a list of rows, one entry per state")
-    noise: Matrix = Field(description="noise: the intensity Theta of the sensor noise")
+    noise: Matrix = Field(None, description="noise: the intensity Theta of the sensor noise: variance times spacing")
+    variance: Matrix = Field(None, description="variance: of one reading, with `every`, in place of noise")
+    every: float | None = Field(None, description="every: time between two readings")
     cost: Matrix = 0.0
     windows: list[list[float]] | None = Field(None, description="windows: [[start, end], ..]")
 
@@ -228,7 +231,7 @@ def _sensor(entry: SensorEntry | str, j: int, states: int, context: Context) -> 
     if isinstance(entry, str):
         return idle_sensor(states)
     C = context.signal(entry.C, "sensors", j, "C")
-    noise = context.signal(entry.noise, "sensors", j, "noise")
+    noise = sensor_noise(entry.noise, entry.variance, entry.every, ("sensors", j), context)
     cost = context.signal(entry.cost, "sensors", j, "cost")
     sensor = None
     if C is not None and noise is not None and cost is not None:
