@@ -75,12 +75,13 @@ class Certificate:
     ----------
     cost : J of the policy, in cost units
     lower_bound : no policy of the same problem costs less
-    allowance : share of |cost| by which rounding may put the bound above the cost
+    allowance : share of |cost| by which rounding may put the bound above the cost; it has done its work once the two
+        numbers stand, so equal certificates may have had different ones
     """
 
     cost: float
     lower_bound: float
-    allowance: float = ALLOWANCE
+    allowance: float = field(default=ALLOWANCE, compare=False)
 
     def __post_init__(self) -> None:
         if self.cost < self.lower_bound <= self.cost + self.allowance * abs(self.cost):

@@ -20,7 +20,7 @@ import numpy as np
 from occontrol.core.errors import FileAccessError, Mistake, ProblemError
 from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
-from occontrol.core.solution import ALLOWANCE, Certificate, Solution, Status
+from occontrol.core.solution import Certificate, Solution, Status
 from occontrol.files.names import check_names
 from occontrol.files.plain_json import parse_json, to_json
 from occontrol.files.provenance import provenance
@@ -205,9 +205,9 @@ def _must_belong(file: Any, name: str, recorded: dict, place: Path) -> None:
 def _solution(problem: Any, content: dict, arrays: dict[str, np.ndarray], path: Path) -> Solution:
     result = {key: value for key, value in content.items() if key not in _OWN_KEYS}
     certificate = None
-    numbers = [result.get("cost"), result.get("lower_bound"), result.get("allowance", ALLOWANCE)]
+    numbers = [result.get("cost"), result.get("lower_bound")]
     if all(isinstance(x, int | float) for x in numbers):
-        certificate = Certificate(*map(float, numbers))  # type: ignore[arg-type]
+        certificate = Certificate(float(numbers[0]), float(numbers[1]))  # type: ignore[arg-type]
     try:
         schedule = None
         if {"edges", "weights"} <= arrays.keys():

@@ -33,7 +33,8 @@ def earlier_policy(problem: SchedulingProblem, monitor: Monitor) -> np.ndarray |
         return None
     if len(edges) > len(problem.edges):
         starts = np.searchsorted(edges, problem.edges[:-1])
-        weights = np.add.reduceat(weights * np.diff(edges)[:, None], starts, axis=0) / problem.steps[:, None]
+        parts = np.diff(edges)[:, None]
+        weights = np.add.reduceat(weights * parts, starts, axis=0) / np.add.reduceat(parts, starts, axis=0)
     inside = np.all((weights >= 0) & (weights <= problem.upper + ROUNDING))
     if not inside or not np.allclose(weights.sum(axis=1), problem.select, atol=FILLED):
         return None
