@@ -150,7 +150,7 @@ class Stretch:
         """Sigma V' at the nodes (P, NODES, n, p); S' V', V' (2, n, p) at the start from those at the end; rounding.
 
         The last is what rounding changes tr(V Sigma V') by: V Sigma dG Sigma V' at the start of a group, V dQ V' at its
-        end, and g' (R' dR + dR' R) g for the factor R of I + S' G S.
+        end, and g' (R' dR + dR' R) g for the factor R of I + S' G S, where |dR| <= 4 eps |Gamma| |S|.
         """
         n = self.roots.shape[-1]
         starts = np.empty((len(self.carry), 2 * n, costate.shape[-1]))
@@ -161,10 +161,12 @@ class Stretch:
             g, v = self.carry[k] @ g, self.loop[k].T @ v
             starts[k, :n], before[k] = v, g
         starts[:, n:] = self.roots[:-1] @ before
-        size = [np.linalg.norm(a, axis=(1, 2)) for a in (self.gamma, self.roots[:-1], before, starts[:, n:])]
-        seen = np.linalg.norm(self.gamma @ starts[:, n:], axis=(1, 2))
-        lost = self.rounding[0] @ size[3] ** 2 + self.rounding[1] @ ends
-        lost += 4 * EPSILON * np.sum(size[0] * size[1] * size[2] * seen)
+        after = starts[:, n:]
+        seen = np.linalg.norm(self.gamma @ after, axis=(1, 2))
+        # rounding keeps to the columns of Gamma S: a state that nothing sees may be as large as it likes
+        turned = np.abs(self.gamma) @ (np.abs(self.roots[:-1]) @ np.abs(before))
+        lost = self.rounding[0] @ np.linalg.norm(after, axis=(1, 2)) ** 2 + self.rounding[1] @ ends
+        lost += 4 * EPSILON * np.sum(np.linalg.norm(turned, axis=(1, 2)) * seen)
         begin = self.begun @ starts[self.group]
         count = term_count(np.max(norms(self.H), axis=0))
         terms = flow_series(self.H[self.which], begin, count)

@@ -68,19 +68,22 @@ def _advance(folded: Folded, S: np.ndarray, v: np.ndarray, k: np.ndarray) -> tup
 
 def _updated(S: np.ndarray, C: np.ndarray) -> np.ndarray:
     """(S^-1 + C'C)^-1 of many, row by row; in Joseph's form where S - b b' would cancel."""
+    S = S.copy()
     for row in range(C.shape[1]):
-        c = C[:, row]
-        if not np.any(c):
+        # of many sensors few are used at a time
+        used = np.flatnonzero(np.any(C[:, row], axis=1))
+        if not len(used):
             continue
-        b = np.einsum("kij,kj->ki", S, c)
+        c, before = C[used, row], S[used]
+        b = np.einsum("kij,kj->ki", before, c)
         innovation = np.einsum("ki,ki->k", c, b)
         gain = b / (1.0 + innovation)[:, None]
-        after = S - gain[:, :, None] * b[:, None, :]
+        after = before - gain[:, :, None] * b[:, None, :]
         large = np.flatnonzero(innovation > CANCEL)
         if len(large):
             K = np.eye(S.shape[1]) - gain[large, :, None] * c[large, None, :]
-            after[large] = K @ S[large] @ np.swapaxes(K, 1, 2) + gain[large, :, None] * gain[large, None, :]
-        S = after
+            after[large] = K @ before[large] @ np.swapaxes(K, 1, 2) + gain[large, :, None] * gain[large, None, :]
+        S[used] = after
     return S
 
 
