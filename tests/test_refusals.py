@@ -144,17 +144,25 @@ def test_windows_that_leave_no_sensor_are_infeasible_with_the_time(tmp_path):
     )
     problem = read_problem(written(tmp_path, text))
     with pytest.raises(
-        InfeasibleError, match=r"between t = 4 and 4\.25 no sensor is available\n  hint: widen a window"
+        InfeasibleError, match=r"between t = 4 and 6 no sensor is available\n  hint: widen a window"
     ):
         problem.require_feasible()
     read_problem(written(tmp_path, text.replace("sensors:\n", "sensors:\n  - idle\n"))).require_feasible()
+
+
+def test_all_gaps_of_a_window_plan_are_named_at_once(tmp_path):
+    text = BASE.replace("cost: 2.0}", "cost: 2.0, windows: [[0, 2], [3, 5]]}").replace(
+        "cost: 0.5}", "cost: 1, windows: [[6, 10]]}"
+    )
+    with pytest.raises(InfeasibleError, match="between t = 2 and 3, 5 and 6 no sensor is available"):
+        read_problem(written(tmp_path, text)).require_feasible()
 
 
 def test_select_beyond_what_windows_leave_is_infeasible(tmp_path):
     text = BASE.replace("cost: 2.0}", "cost: 2.0, windows: [[0, 4]]}") + "select: 2\n"
     problem = read_problem(written(tmp_path, text))
     with pytest.raises(
-        InfeasibleError, match=r"between t = 4 and 4\.25 only 1 of the 2 sensors to select is available"
+        InfeasibleError, match=r"between t = 4 and 10 only 1 of the 2 sensors to select is available"
     ):
         problem.require_feasible()
 

@@ -124,7 +124,7 @@ def test_an_infeasible_problem_ends_with_4_and_says_when(small_text: str, capsys
     Path("nobody.yaml").write_text(nobody)
     assert run(["solve", "nobody.yaml", *flag]) == 4
     said = capsys.readouterr()
-    assert "between t = 2 and 2.1 no sensor is available" in said.err
+    assert "between t = 2 and 3 no sensor is available" in said.err
     assert not Path("runs").exists()
     if flag:
         content = json.loads(said.out)

@@ -18,6 +18,8 @@ from occontrol.core.signal import Signal, TableSignal, as_signal
 from occontrol.families.athans.integration.edges import fitted_edges, missed_windows
 from occontrol.families.athans.integration.options import Integration
 
+MOST_GAPS = 10  # of a window plan that are named
+
 
 @dataclass(frozen=True, eq=False)
 class SchedulingProblem:
@@ -247,19 +249,27 @@ class SchedulingProblem:
         from occontrol.families.athans.need import require_memory
 
         require_memory(self)
-        lacking = np.sum(self.upper, axis=1) < self.select - 1e-9
-        if np.any(lacking):
-            k = int(np.argmax(lacking))
-            count = int(np.sum(self.upper[k]))
-            have = (
-                "no sensor is"
-                if count == 0
-                else f"only {count} of the {self.select} sensors to select {'is' if count == 1 else 'are'}"
-            )
-            raise InfeasibleError(
-                f"between t = {self.edges[k]:g} and {self.edges[k + 1]:g} {have} available\n"
-                "  hint: widen a window, put an edge of the grid at the window's end, or add 'idle' to the sensors"
-            )
+        places = np.rint(np.sum(self.upper, axis=1)).astype(int)
+        lacking = places < self.select
+        if not np.any(lacking):
+            return
+        # neighbours with the same lack are one gap, and all gaps are named at once
+        label = np.where(lacking, places, -1)
+        starts = np.flatnonzero(np.diff(label, prepend=-2) != 0)
+        ends = np.append(starts[1:], len(label))
+        gaps = [(a, b) for a, b in zip(starts, ends, strict=True) if lacking[a]]
+        shown = [f"{self.edges[a]:.6g} and {self.edges[b]:.6g}" for a, b in gaps[:MOST_GAPS]]
+        more = f", and in {len(gaps) - MOST_GAPS} more places" if len(gaps) > MOST_GAPS else ""
+        count = int(np.min(places[lacking]))
+        have = (
+            "no sensor is"
+            if count == 0
+            else f"only {count} of the {self.select} sensors to select {'is' if count == 1 else 'are'}"
+        )
+        raise InfeasibleError(
+            f"between t = {', '.join(shown)}{more} {have} available\n"
+            "  hint: widen a window, put an edge of the grid at the window's end, or add 'idle' to the sensors"
+        )
 
 
 def uniform_edges(start: float, end: float, intervals: int) -> np.ndarray:
