@@ -62,4 +62,4 @@ def test_a_policys_own_bound_is_its_linear_program(features):
 def test_bounds_below_zero_are_raised_to_it():
     assert at_least_zero(-3.0, 2.0) == 0.0
     assert at_least_zero(1.0, 2.0) == 1.0
-    assert at_least_zero(-3.0, -1e-20) == -1e-20  # a cost that rounding put below zero is not contradicted
+    assert at_least_zero(-3.0, -1e-20) == -3.0  # a cost below zero shows that a weight is: no bound is raised above it

@@ -5,6 +5,8 @@ one alpha is a policy for all of them, so each alpha finally takes the best of a
 then falls and error e rises with alpha, on a convex curve. Every bound L(alpha) holds for every schedule on the grid,
     e >= L(alpha) - alpha q,
 so the upper envelope of these lines lies below any point (q, e) that a schedule can reach.
+Costs and bounds are those of the recursion with one step an interval, on the edges of the file and of its windows:
+`solve` integrates in finer steps, so on a coarse grid its cost of the same schedule differs.
 Athans (1971), sections 1 and 8.
 """
 

@@ -12,6 +12,7 @@ from occontrol.core.schedule import Schedule, constant_schedule
 from occontrol.core.sensor import Sensor, idle_sensor
 from occontrol.core.signal import TableSignal
 from occontrol.families.athans.continuous.reintegration import reintegrate
+from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.problem import SchedulingProblem
 
 
@@ -153,6 +154,7 @@ def test_tables_with_jumps_and_windows_off_the_grid():
             idle_sensor(2),
         ],
         edges=np.linspace(0, 3, 4),
+        integration=Integration(substeps=1, windows="cover"),
     )
     weights = np.array([[0.5, 0.2, 0.3], [0.0, 0.9, 0.1], [0.3, 0.3, 0.4]])
     schedule = Schedule(problem.edges, weights, ("range", "doppler", "idle"))
@@ -165,6 +167,7 @@ def test_tables_with_jumps_and_windows_off_the_grid():
             *list(problem.sensors)[1:],
         ],
         edges=problem.edges,
+        integration=problem.integration,
     )
     assert reintegrate(closed, schedule).lower_bound > windowed.lower_bound + 1e-6
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 from ruamel.yaml import YAML
 
 from occontrol.core.solution import Status
+from occontrol.families.athans.discretise import discretise
+from occontrol.scheduling.sweep import Sweep
 
 PROBLEMS = Path(__file__).resolve().parents[3] / "problems"
 ATHANS = sorted(
@@ -45,16 +48,27 @@ AGREEMENT = {"reentry_waveforms": 2e-6, "tracking_network": 1e-4, "survey_panel"
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ATHANS)
 def test_the_cost_by_a_plain_recursion_that_shares_no_code(name, solved):
+    """The recursion with one step an interval, and what two such say of continuous time, is the cost of the solution.
+
+    The error of the plain recursion falls with the square of the step.
+    """
     from tests.families.plain_schedule import schedule_cost
 
     solution = solved(name)
-    weights = solution.arrays["weights"]
-    cost = schedule_cost(solution.problem, weights)
+    problem, weights = solution.problem, solution.arrays["weights"]
+    cost, recursion = schedule_cost(problem, weights), Sweep(discretise(problem)).cost(weights)
     if name == "tracking_network":  # six orbits gather the pieces' errors: extrapolate them away
-        finer = schedule_cost(solution.problem, weights, 2)
-        assert abs(finer / solution.cost - 1) < abs(cost / solution.cost - 1) / 3
+        finer = schedule_cost(problem, weights, 2)
+        assert abs(finer / recursion - 1) < abs(cost / recursion - 1) / 3
         cost = finer + (finer - cost) / 3
-    assert cost == pytest.approx(solution.cost, rel=AGREEMENT.get(name, 1e-10))
+    assert cost == pytest.approx(recursion, rel=AGREEMENT.get(name, 1e-10))
+    halved = replace(problem, edges=np.union1d(problem.edges, problem.midpoints))
+    twice = np.repeat(weights, 2, axis=0)
+    half = schedule_cost(halved, twice)
+    if name == "tracking_network":
+        half = (4 * schedule_cost(halved, twice, 2) - half) / 3
+    assert (4 * half - cost) / 3 == pytest.approx(solution.cost, rel=max(1e-5, AGREEMENT.get(name, 0)))
+    assert solution.result["continuous"]["cost"] == pytest.approx(solution.cost, rel=1e-5)
 
 
 def test_there_are_the_problems_that_the_manual_names():

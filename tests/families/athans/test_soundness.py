@@ -19,6 +19,7 @@ from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.filter.consistency import expected_nees
 from occontrol.families.athans.filter.planned import default_model
 from occontrol.families.athans.integration.options import Integration
+from occontrol.families.athans.methods import RelaxRoundPolish
 from occontrol.families.athans.warnings import warnings_of
 
 CASES = Path(__file__).resolve().parents[2] / "data" / "soundness"
@@ -149,7 +150,11 @@ def test_a_coarse_grid_tells_what_its_schedule_really_costs(name: str, cost: flo
 
 @pytest.mark.slow
 def test_a_diffuse_start_gets_edges_that_close_the_gap() -> None:
-    solution = solved("a06_running_p0_1e10.yaml")
+    # a looser target than the file's own: what is looked at is the gap at the top, which was 70 %
+    problem = replace(
+        occontrol.read_problem(CASES / "a06_running_p0_1e10.yaml"), method=RelaxRoundPolish(relative_gap=1e-3)
+    )
+    solution = occontrol.solve(problem)
     continuous = solution.result["continuous"]
     assert continuous["cost"] <= 4.40 and continuous["lower_bound"] >= 4.34
     added = solution.result["added_edges"]
@@ -158,3 +163,32 @@ def test_a_diffuse_start_gets_edges_that_close_the_gap() -> None:
     assert set(np.linspace(0, 10, 201)) <= set(solution.arrays["edges"])
     again = occontrol.certify(solution.problem, solution.schedule)
     assert again.cost == pytest.approx(solution.cost, rel=1e-12)
+    assert again.result["continuous"]["lower_bound"] >= 4.34
+
+
+def test_a_state_that_nothing_sees_may_grow_as_it_likes() -> None:
+    solution = solved("a08_unobservable_harmless.yaml")
+    assert solution.status is Status.CERTIFIED
+    continuous = solution.result["continuous"]
+    assert 0.34243 <= continuous["lower_bound"] <= continuous["cost"] <= 0.34246
+    assert solution.arrays["covariance"][-1, 2, 2] > 1e34
+
+
+def test_a_running_weight_slightly_below_zero() -> None:
+    solution = solved("running_slightly_negative.json")
+    assert solution.cost == pytest.approx(-8999.99785, rel=1e-11) and solution.status is Status.CERTIFIED
+    assert solution.cost * (1 + 1e-8) <= solution.result["lower_bound"] <= solution.cost
+    continuous = solution.result["continuous"]
+    assert continuous["cost"] == pytest.approx(-8999.99785, rel=1e-9)
+    assert continuous["lower_bound"] == pytest.approx(-8999.99785, rel=1e-8)
+    assert "The running weight is slightly below zero, within its tolerance" in solution.message
+
+
+@pytest.mark.parametrize("name", ["m13_coarse.yaml", "unix_time.yaml", "crash_static_running.yaml"])
+def test_certify_finds_what_solve_found(name: str) -> None:
+    solution = solved(name)
+    again = occontrol.certify(occontrol.read_problem(CASES / name), solution.schedule)
+    assert again.cost == pytest.approx(solution.cost, rel=1e-12) and again.status is Status.CERTIFIED
+    assert again.result["lower_bound"] <= solution.cost and solution.result["lower_bound"] <= again.cost
+    assert again.result["continuous"]["cost"] == pytest.approx(solution.result["continuous"]["cost"], rel=1e-12)
+    assert again.result["integration_steps"] == solution.result["integration_steps"]

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from occontrol import solve
+from occontrol import read_problem, solve
 from occontrol.core.plant import LinearPlant
 from occontrol.core.scaled_signal import scaled
 from occontrol.core.sensor import Sensor, idle_sensor
-from occontrol.core.signal import as_signal
 from occontrol.core.solution import Status
 from occontrol.families.athans.balanced import balanced, state_units
 from occontrol.families.athans.certify import certify
 from occontrol.families.athans.filter.online import make_plan
 from occontrol.families.athans.filter.sampled_model import exact_model
+from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.methods import RelaxRoundPolish
 from occontrol.families.athans.problem import SchedulingProblem, uniform_edges
+
+CASES = Path(__file__).resolve().parents[2] / "data" / "soundness"
 
 
 def random_problem(seed: int, varying: bool = False) -> SchedulingProblem:
@@ -162,17 +165,39 @@ def resonator(rate: float) -> SchedulingProblem:
     return SchedulingProblem("resonator", plant, sensors, edges, [[1e12, 0]], cost_weight=0.1, method=method)
 
 
+def on_the_grid(problem: SchedulingProblem) -> SchedulingProblem:
+    """One step an interval: the recursion that the known optima were found for."""
+    return replace(problem, integration=Integration(substeps=1, windows="cover"))
+
+
 def test_two_states_of_different_units():
-    found = solve(two_units())
+    found = solve(on_the_grid(two_units()))
     assert found.cost == pytest.approx(126.0805400, rel=1e-9)
     assert found.result["lower_bound"] <= found.cost
     assert found.result["continuous"]["cost"] == pytest.approx(81.464235, rel=1e-8)
+    top = solve(two_units())
+    assert top.cost == pytest.approx(81.464235, rel=1e-7)
+    assert top.result["continuous"]["cost"] == pytest.approx(81.464235, rel=1e-8)
+    assert top.result["lower_bound"] <= 81.464235 * (1 + 1e-8)
 
 
 def test_a_resonator_in_si_units():
-    found = solve(resonator(1e11))
+    found = solve(on_the_grid(resonator(1e11)))
     assert found.cost == pytest.approx(0.1313610106, rel=1e-9)
     assert found.result["lower_bound"] == pytest.approx(0.1313610106, rel=1e-6)
+    top = solve(resonator(1e11))
+    assert top.status is Status.CERTIFIED and top.result["relative_gap"] <= 1e-5
+    assert abs(top.cost - top.result["continuous"]["cost"]) <= 1e-6 * top.cost
+
+
+def test_no_bound_above_a_known_policy_in_states_that_differ_by_1e15():
+    problem = read_problem(CASES / "scale_50_8.json")
+    assert np.ptp(np.log10(np.diag(problem.plant.covariance)) / 2) > 12
+    grid, top = solve(on_the_grid(problem)), solve(problem)
+    assert grid.result["lower_bound"] <= 4.7139 and grid.result["relaxed_cost"] == pytest.approx(4.7139, rel=2e-5)
+    continuous = top.result["continuous"]
+    assert continuous["lower_bound"] <= top.cost <= grid.result["continuous"]["cost"]
+    assert abs(top.cost - continuous["cost"]) <= 1e-5 * top.cost and top.result["lower_bound"] <= continuous["cost"]
 
 
 def test_a_running_weight_slightly_below_zero_is_named_as_that():
@@ -192,8 +217,22 @@ def test_a_running_weight_slightly_below_zero_is_named_as_that():
 
 def test_the_solution_belongs_to_the_user_s_problem():
     problem = resonator(1e11)
-    found = solve(problem)
-    assert found.problem is problem
+    found = solve(on_the_grid(problem))
     assert np.max(np.abs(np.log2(balanced(problem)[1].factors))) > 3
     np.testing.assert_allclose(found.arrays["covariance"][0], problem.plant.covariance)
-    assert as_signal(problem.output) is problem.output
+    top = solve(problem)
+    assert top.problem.plant is problem.plant and top.problem.output is problem.output
+    assert [t for t, _ in top.problem.added_edges] == sorted(set(top.problem.edges) - set(problem.edges))
+    np.testing.assert_array_equal(top.problem.edges, top.arrays["edges"])
+    np.testing.assert_allclose(top.arrays["covariance"][0], problem.plant.covariance)
+    again = certify(top.problem, top.schedule)
+    assert again.cost == pytest.approx(top.cost, rel=1e-12)
+    assert again.result["continuous"]["cost"] == pytest.approx(top.result["continuous"]["cost"], rel=1e-12)
+
+
+def test_edges_of_windows_are_named_whatever_the_units():
+    problem = random_problem(1)
+    sensor = replace(problem.sensors[0], windows=[(0.0, 1.05)])
+    problem = replace(problem, sensors=[sensor, *list(problem.sensors)[1:]])
+    assert balanced(problem)[0].added_edges == problem.added_edges == ((1.05, "window of s0 ends"),)
+    assert solve(problem).result["added_edges"][0] == {"t": 1.05, "why": "window of s0 ends"}

@@ -163,10 +163,11 @@ class Stretch:
         starts[:, n:] = self.roots[:-1] @ before
         after = starts[:, n:]
         seen = np.linalg.norm(self.gamma @ after, axis=(1, 2))
-        # rounding keeps to the columns of Gamma S: a state that nothing sees may be as large as it likes
-        turned = np.abs(self.gamma) @ (np.abs(self.roots[:-1]) @ np.abs(before))
+        # |Gamma| |S| state by state: one that nothing sees may be as large as it likes
+        size = np.linalg.norm(self.gamma, axis=1) * np.linalg.norm(self.roots[:-1], axis=2)
+        turned = np.sum(size, axis=1) * np.linalg.norm(before, axis=(1, 2))
         lost = self.rounding[0] @ np.linalg.norm(after, axis=(1, 2)) ** 2 + self.rounding[1] @ ends
-        lost += 4 * EPSILON * np.sum(np.linalg.norm(turned, axis=(1, 2)) * seen)
+        lost += 4 * EPSILON * (turned @ seen)
         begin = self.begun @ starts[self.group]
         count = term_count(np.max(norms(self.H), axis=0))
         terms = flow_series(self.H[self.which], begin, count)

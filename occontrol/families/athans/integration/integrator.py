@@ -39,7 +39,7 @@ class Evaluation:
     cost : J
     gradient : (N, M) dJ/dv
     error : estimated |J - J of continuous time|
-    steps : number of integration steps
+    steps : number of integration steps, of the finer mesh where two are extrapolated
     on : Folded, Extrapolated, or None for one step an interval
     """
 
@@ -197,4 +197,4 @@ class Integrator:
             if error <= self.accuracy * abs(J) or len(on.mesh) == len(mesh) > len(self.first):
                 break
             share, mesh = share / 4, on.mesh
-        return Evaluation(weights, J, g, error, len(on.mesh), on)
+        return Evaluation(weights, J, g, error, len(on.half.mesh), on)
