@@ -195,7 +195,7 @@ def plot(solution: Solution, problem: Any = None, figure: str | None = None) -> 
 
     Raises UsageError when there is no such figure.
     """
-    problem = problem if problem is not None else solution.problem
+    problem = problem if solution.problem is None else solution.problem  # on which edges may have been added
     if problem is None:
         raise UsageError("the solution does not carry its problem\n  hint: occontrol.plot(solution, problem)")
     drawn = figures_of(problem, solution)

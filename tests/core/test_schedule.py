@@ -39,9 +39,9 @@ def test_the_union_of_edges_keeps_those_of_the_grid_bit_for_bit():
 # a grid and how far a switch may lie from its edge there: seconds since 1970 at 100 Hz, and nanoseconds
 CLOCKS = {
     "unix": (1.7e9 + 0.01 * np.arange(11), 4e-7, 2e-6),
-    "nanoseconds": (1e-10 * np.arange(11), 0.5e-16, 2e-16),
-    "around zero": (np.linspace(-1.0, 1.0, 11), 1e-7, 1e-6),
-    "beside a long interval": (np.array([0.0, 1e-6, 1e6]), 0.5e-12, 1e-11),
+    "nanoseconds": (1e-10 * np.arange(11), 0.5e-19, 2e-19),
+    "around zero": (np.linspace(-1.0, 1.0, 11), 1e-10, 1e-9),
+    "beside a long interval": (np.array([0.0, 1e-6, 1e6]), 0.5e-15, 1e-14),
 }
 
 

@@ -35,7 +35,9 @@ def test_a_short_campaign_of_faults(capsys: pytest.CaptureFixture[str]) -> None:
 
 def with_gap(solution: Solution, status: Status, gap: float) -> Solution:
     """The same solution, ended otherwise, with another gap."""
-    return dataclasses.replace(solution, status=status, numbers=dataclasses.replace(solution.numbers, relative_gap=gap))
+    top = dataclasses.replace(solution.numbers.top, relative_gap=gap)
+    numbers = dataclasses.replace(solution.numbers, relative_gap=gap, top=top)
+    return dataclasses.replace(solution, status=status, numbers=numbers)
 
 
 def test_an_interrupted_result_never_replaces_a_better_one(tmp_path: Path, small_solution: Solution) -> None:

@@ -231,7 +231,7 @@ def _sensor(entry: SensorEntry | str, j: int, states: int, context: Context) -> 
     if isinstance(entry, str):
         return idle_sensor(states)
     C = context.signal(entry.C, "sensors", j, "C")
-    noise = sensor_noise(entry.noise, entry.variance, entry.every, ("sensors", j), context)
+    noise = sensor_noise(entry.noise, entry.variance, entry.every, entry.name, ("sensors", j), context)
     cost = context.signal(entry.cost, "sensors", j, "cost")
     sensor = None
     if C is not None and noise is not None and cost is not None:

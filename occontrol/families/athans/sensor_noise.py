@@ -18,19 +18,21 @@ from occontrol.files.schema.common import Context
 EXAMPLE = "noise: [[0.1]], or variance: [[0.5]] with every: 0.2"
 
 
-def sensor_noise(noise: Any, variance: Any, every: float | None, path: Path, context: Context) -> Signal | None:
+def sensor_noise(
+    noise: Any, variance: Any, every: float | None, name: str, path: Path, context: Context
+) -> Signal | None:
     """The intensity Theta (m, m); None where there is a mistake, which is noted.
 
     Parameters
     ----------
     noise, variance : as in the file, or None
     every : time between two readings, or None
-    path : of the sensor in the file
+    name, path : of the sensor in the file
     context : where mistakes are noted
     """
     found = context.found
     if (noise is None) == (variance is None):
-        what = "a sensor needs its noise" if noise is None else "a sensor has either noise or variance"
+        what = f"sensor '{name}' has no 'noise'" if noise is None else f"sensor '{name}' has noise and variance"
         found.add((*path, "noise") if noise is not None else path, what, EXAMPLE)
         return None
     if variance is None:

@@ -73,6 +73,7 @@ class Boastful:
 
     name: ClassVar[str] = "boastful"
     bound: float = 1e6
+    relative_gap: float = 1e-4
 
     def check(self, problem):
         return ()
@@ -114,15 +115,15 @@ def test_a_monitors_own_limit_is_tighter_than_the_methods():
 
 
 @pytest.mark.parametrize(("row", "words"), [
-    ([1.0, 1.0, 0.0], "the weights add up to 2, not to 1"),
-    ([5.0, 5.0, 0.0], "sensor 's0' has weight 5"),
-    ([0.4, 0.0, 0.0], "the weights add up to 0.4, not to 1"),
+    ([1.0, 1.0, 0.0], "the weights add up to 2 at t = 0, but select is 1"),
+    ([5.0, 5.0, 0.0], "the weight of sensor 's0' is 5 at t = 0, it must lie between 0 and 1"),
+    ([0.4, 0.0, 0.0], "the weights add up to 0.4 at t = 0, but select is 1"),
 ])  # fmt: skip
 def test_a_schedule_that_the_problem_does_not_allow_is_not_certified(row, words):
     problem = random_problem(3)
     with pytest.raises(ProblemError) as refused:
         certify(problem, Schedule(problem.edges, np.tile(row, (8, 1)), ("s0", "s1", "s2")))
-    assert words in str(refused.value) and "on interval 1, between t = 0 and" in str(refused.value)
+    assert words in str(refused.value)
 
 
 def test_use_outside_a_window_is_not_certified():
