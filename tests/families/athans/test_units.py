@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from occontrol import solve
+from occontrol.core.errors import ProblemError
 from occontrol.core.plant import LinearPlant
 from occontrol.core.scaled_signal import scaled
 from occontrol.core.sensor import Sensor, idle_sensor
@@ -197,3 +198,19 @@ def test_the_solution_belongs_to_the_user_s_problem():
     assert np.max(np.abs(np.log2(balanced(problem)[1].factors))) > 3
     np.testing.assert_allclose(found.arrays["covariance"][0], problem.plant.covariance)
     assert as_signal(problem.output) is problem.output
+
+
+def test_a_sensor_whose_rows_have_units_far_apart_is_definite():
+    """1 m and 1e-10 rad: the smallest eigenvalue is 1e-20 of the largest, and nothing is singular."""
+    Sensor("good", np.eye(2), np.diag([1.0, 1e-20]))
+    problem = random_problem(0)
+    n = problem.states
+    C = np.eye(2, n)
+    plain, apart = (
+        replace(problem, sensors=[Sensor("s", np.diag(e) @ C, np.diag(e) @ [[1.0, 0.3], [0.3, 0.5]] @ np.diag(e))])
+        for e in (np.ones(2), np.array([1.0, 2.0**-33]))
+    )
+    assert solve(apart).cost == pytest.approx(solve(plain).cost, rel=1e-12)
+    nearly = np.array([[1.0, 1e-10], [1e-10, 1e-20]])
+    with pytest.raises(ProblemError, match="noise of sensor 's' is not positive definite: its smallest eigenvalue is"):
+        replace(problem, sensors=[Sensor("s", C, nearly)])
