@@ -9,6 +9,7 @@ from occontrol.core.signal import ExpressionSignal, Signal
 
 ASYMMETRY = 1e-9
 NEGATIVE = 1e-10
+SINGULAR = 1e-14
 BETWEEN = 513
 LARGEST = 1e100  # products of a few such numbers are still finite
 UNITS = "choose other units"
@@ -47,13 +48,23 @@ def check_covariance(
         return [Mistake(path, f"{name} is not symmetric{when}: {entries}")]
     eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
     smallest, largest = float(eigenvalues[0]), max(float(eigenvalues[-1]), 0.0)
-    if definite and smallest <= 1e-14 * largest:
+    if definite and smallest <= SINGULAR * largest and not _definite_in_own_units(matrix):
         return [Mistake(path, f"{name} is not positive definite{when}: its smallest eigenvalue is {smallest:g}")]
-    if definite and smallest < 1 / LARGEST:
+    if definite and np.min(np.diag(matrix)) < 1 / LARGEST:
         return [Mistake(path, f"{name} is too small{when}: its smallest eigenvalue is {smallest:g}", UNITS)]
-    if smallest < -NEGATIVE * max(largest, -smallest * 1e-3):
+    if not definite and smallest < -NEGATIVE * max(largest, -smallest * 1e-3):
         return [Mistake(path, f"{name} is not positive semidefinite{when}: its smallest eigenvalue is {smallest:g}")]
     return []
+
+
+def _definite_in_own_units(matrix: np.ndarray) -> bool:
+    """Whether a symmetric matrix is positive definite once its diagonal is one: rows may have units far apart."""
+    diagonal = np.diag(matrix)
+    if not np.all(diagonal > 0):
+        return False
+    scale = np.sqrt(diagonal)
+    values = np.linalg.eigvalsh((matrix + matrix.T) / 2 / scale / scale[:, None])
+    return bool(values[0] > SINGULAR * values[-1])
 
 
 def check_finite(name: str, signal: Signal, times: np.ndarray, path: Path, variable: str = "t") -> list[Mistake]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from occontrol import read_problem, solve
+from occontrol.core.errors import ProblemError
 from occontrol.core.plant import LinearPlant
 from occontrol.core.scaled_signal import scaled
 from occontrol.core.sensor import Sensor, idle_sensor
@@ -236,3 +237,19 @@ def test_edges_of_windows_are_named_whatever_the_units():
     problem = replace(problem, sensors=[sensor, *list(problem.sensors)[1:]])
     assert balanced(problem)[0].added_edges == problem.added_edges == ((1.05, "window of s0 ends"),)
     assert solve(problem).result["added_edges"][0] == {"t": 1.05, "why": "window of s0 ends"}
+
+
+def test_a_sensor_whose_rows_have_units_far_apart_is_definite():
+    """1 m and 1e-10 rad: the smallest eigenvalue is 1e-20 of the largest, and nothing is singular."""
+    Sensor("good", np.eye(2), np.diag([1.0, 1e-20]))
+    problem = random_problem(0)
+    n = problem.states
+    C = np.eye(2, n)
+    plain, apart = (
+        replace(problem, sensors=[Sensor("s", np.diag(e) @ C, np.diag(e) @ [[1.0, 0.3], [0.3, 0.5]] @ np.diag(e))])
+        for e in (np.ones(2), np.array([1.0, 2.0**-33]))
+    )
+    assert solve(apart).cost == pytest.approx(solve(plain).cost, rel=1e-12)
+    nearly = np.array([[1.0, 1e-10], [1e-10, 1e-20]])
+    with pytest.raises(ProblemError, match="noise of sensor 's' is not positive definite: its smallest eigenvalue is"):
+        replace(problem, sensors=[Sensor("s", C, nearly)])
