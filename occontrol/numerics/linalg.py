@@ -101,7 +101,7 @@ def square_root(
     least = floor * np.max(diagonal, axis=-1, keepdims=True, initial=0.0)
     scale = np.sqrt(np.maximum(diagonal, least))
     scale = np.where(scale > 0, scale, 1.0)
-    unit = matrix / (scale[..., :, None] * scale[..., None, :])
+    unit = matrix / scale[..., :, None] / scale[..., None, :]
     return scale[..., :, None] * _root_of(symmetrise(unit), cut, symmetric)
 
 
