@@ -128,7 +128,7 @@ def test_an_infeasible_problem_ends_with_4_and_says_when(small_text: str, capsys
     assert not Path("runs").exists()
     if flag:
         content = json.loads(said.out)
-        assert content["status"] == "infeasible" and "t = 2 and 2.1" in content["message"]
+        assert content["status"] == "infeasible" and "t = 2 and 3" in content["message"]
     assert run(["check", "nobody.yaml"]) == 4
 
 
