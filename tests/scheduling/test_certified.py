@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from occontrol.families.athans.balanced import balanced
-from occontrol.families.athans.discretise import discretise
+from occontrol.families.athans.discretise import discretise, feasible_set
 from occontrol.scheduling import certified
-from occontrol.scheduling.certified import Roots, square_root_pass
+from occontrol.scheduling.certified import Roots, Term, square_root_pass
+from occontrol.scheduling.proof import Judged, prove
 from occontrol.scheduling.sweep import Sweep
 from tests.decimal_problems import as_problem, proven
 from tests.decimal_recursion import REGIMES, Data, Judge, random_data
@@ -99,3 +100,21 @@ def test_growth_beyond_double_precision_is_said():
     assert "Rounding alone may move cost and bound by" in proof.remark(tiny)
     assert "more than the target gap" in proof.remark(tiny)
     assert proof.remark(1.0) == ""
+
+
+def test_an_error_that_is_no_rounding_lowers_the_bound_by_itself():
+    """Of two evaluations that differ by a stated error alone, the bounds differ by just that; a known bound stands."""
+    problem = balanced(as_problem(random_data(np.random.default_rng(7), "plain")))[0]
+    recursion, allowed = discretise(problem), feasible_set(problem)
+    weights = allowed.uniform()
+    J, g = Sweep(recursion).cost_and_gradient(weights)
+    own = allowed.bound(J, weights, g)
+    assert 0 < own < J
+    error = 0.25 * own
+    exact, rough = (
+        prove([Judged(weights, J, g, [Term(1.0, recursion)], e)], allowed).certificate for e in (0.0, error)
+    )
+    assert exact.lower_bound == pytest.approx(own, rel=1e-10)
+    assert exact.lower_bound - rough.lower_bound == pytest.approx(error, rel=1e-10)
+    known = prove([Judged(weights, J, g, [Term(1.0, recursion)], error)], allowed, 0.9 * own).certificate
+    assert known.lower_bound == pytest.approx(0.9 * own, rel=1e-10)
