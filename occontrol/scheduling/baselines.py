@@ -135,9 +135,19 @@ def _later_weights(r: Recursion) -> np.ndarray:
         F = r.transition[r.predict[k]]
         W = F.T @ W @ F
         if len(r.running):
-            W = W + r.steps[k - 1] * r.running[r.running_set[k - 1]]
+            before, after = _charged_at(r, k - 1)
+            W = W + after * r.running[r.running_set[k - 1]]
         weight[k - 1] = W
+        if len(r.running):
+            W = W + before * r.running[r.running_set[k - 1]]
     return weight
+
+
+def _charged_at(r: Recursion, k: int) -> tuple[float, float]:
+    """How much of the running weight is charged before and after update k; continuous time charges all of it after."""
+    if r.charge is None:
+        return 0.0, float(r.steps[k])
+    return float(r.charge[k, 0]), float(r.charge[k, 1])
 
 
 def _follow(r: Recursion, S: np.ndarray, steps: range, used: list[int]) -> tuple[np.ndarray, float]:
@@ -146,10 +156,13 @@ def _follow(r: Recursion, S: np.ndarray, steps: range, used: list[int]) -> tuple
     for k in steps:
         F = r.transition[r.predict[k]]
         S = F @ S @ F.T + r.noise[r.predict[k]]
+        before, after = _charged_at(r, k)
+        if len(r.running) and k > steps[0]:
+            running += before * float(np.sum(r.running[r.running_set[k]] * S))
         for j in used:
             C = r.rows[r.row_set[k]][r.offsets[j] : r.offsets[j + 1]] * np.sqrt(r.steps[k])
             B = C @ S
             S = S - B.T @ np.linalg.solve(np.eye(len(C)) + B @ C.T, B) if len(C) else S
         if len(r.running) and k < steps[-1]:
-            running += r.steps[k] * float(np.sum(r.running[r.running_set[k]] * S))
+            running += after * float(np.sum(r.running[r.running_set[k]] * S))
     return S, running

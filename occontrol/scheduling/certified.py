@@ -189,12 +189,12 @@ class _March:
         """Forward from k0 in place on X; the running charge of V' V."""
         r, k1 = self.roots.recursion, min(k0 + self.length, self.end)
         front = (k0, k1, X, self.roots.transition, self.roots.noise, r.predict)
-        return float(forward(*front, *self.of_rows, V, r.running_set, *self.kept))
+        return float(forward(*front, *self.of_rows, V, r.running_set, r.charges, *self.kept))
 
     def back(self, k0: int, g: np.ndarray, gain: np.ndarray) -> None:
         """Back to k0 in place on g, after `ahead`."""
-        k1, V = min(k0 + self.length, self.end), self.roots.running
-        backward(k0, k1, g, *self.of_rows, V, self.roots.recursion.running_set, *self.kept, gain)
+        k1, V, r = min(k0 + self.length, self.end), self.roots.running, self.roots.recursion
+        backward(k0, k1, g, *self.of_rows, V, r.running_set, r.charges, *self.kept, gain)
 
 
 @dataclass(frozen=True, eq=False)

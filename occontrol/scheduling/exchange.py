@@ -158,11 +158,11 @@ def _surely_good_exchanges(
     P, store = sweep.terminal, sweep.kept[0]
     for k in range(N - 1, -1, -1):
         c, plus = r.rows[r.row_set[k]], store[k, :, :n]
-        P = P + 0.5 * r.steps[k] * r.running[r.running_set[k]]
+        P = P + r.charges[k, 1] * r.running[r.running_set[k]]
         Y = c @ plus
         inner[k], outer[k] = Y @ c.T, Y @ P @ Y.T
         K = np.eye(n) - Y.T @ ((r.steps[k] * weights[k, per_row])[:, None] * c)
-        P = K.T @ P @ K + 0.5 * r.steps[k] * r.running[r.running_set[k]]
+        P = K.T @ P @ K + r.charges[k, 0] * r.running[r.running_set[k]]
         F = r.transition[r.predict[k]]
         P = F.T @ P @ F
         P = 0.5 * (P + P.T)

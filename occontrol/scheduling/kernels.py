@@ -87,10 +87,12 @@ def _symmetrise(X, at, n, width):
 
 
 @njit(**OPTIONS)
-def forward_small(k0, k1, S, T, F, FT, Q, predict, rows, row_set, offsets, steps, v, R, running_set, kept, b):
+def forward_small(
+    k0, k1, S, T, F, FT, Q, predict, rows, row_set, offsets, steps, v, R, running_set, charges, kept, b
+):
     """Predicts and updates k0..k1-1 in place on S; returns the running cost. kept[k-k0] = S+ unless it is empty.
 
-    S, T (n, width); F, FT, Q (U, n, width); rows (S, r, width); kept (K, n, width); b (width,)
+    S, T (n, width); F, FT, Q (U, n, width); rows (S, r, width); charges (K, 2); kept (K, n, width); b (width,)
     """
     n, width = S.shape
     size = n * width
@@ -113,7 +115,7 @@ def forward_small(k0, k1, S, T, F, FT, Q, predict, rows, row_set, offsets, steps
         mirror(X, at, n, width)
         h = steps[k]
         if running:
-            total += 0.5 * h * trace_product(R[running_set[k]], X[at : at + size].reshape(n, width), n)
+            total += charges[k, 0] * trace_product(R[running_set[k]], X[at : at + size].reshape(n, width), n)
         first = row_set[k] * per_set
         for j in range(M):
             w = h * v[k, j]
@@ -121,7 +123,7 @@ def forward_small(k0, k1, S, T, F, FT, Q, predict, rows, row_set, offsets, steps
                 for r in range(offsets[j], offsets[j + 1]):
                     _update_row(X, at, c, first + r * width, w, b, n, width)
         if running:
-            total += 0.5 * h * trace_product(R[running_set[k]], X[at : at + size].reshape(n, width), n)
+            total += charges[k, 1] * trace_product(R[running_set[k]], X[at : at + size].reshape(n, width), n)
         last, before = X, at
     if keep and k1 > k0:
         copy(X, at, S.reshape(-1), 0, size)
@@ -173,7 +175,8 @@ def backward_small(
 
 @njit(**OPTIONS)
 def backward_small_dense(
-    k0, k1, P, T, F, FT, predict, rows, row_set, offsets, steps, v, upper, cost, R, running_set, kept, gradient, y, z
+    k0, k1, P, T, F, FT, predict, rows, row_set, offsets, steps, v, upper, cost, R, running_set, charges, kept,
+    gradient, y, z,
 ):
     """As backward_small, with a full costate P (n, width) and a running weight."""
     n, width = P.shape
@@ -187,7 +190,7 @@ def backward_small_dense(
         weight = R[running_set[k]]
         for i in range(n):
             for j in range(n):
-                P[i, j] += 0.5 * h * weight[i, j]
+                P[i, j] += charges[k, 1] * weight[i, j]
                 T[i, j] = P[i, j]
         for j in range(M):
             gradient[k, j] = cost[k, j]
@@ -236,7 +239,7 @@ def backward_small_dense(
                             P[i, m] -= s * z[m]
         for i in range(n):
             for m in range(n):
-                P[i, m] += 0.5 * h * weight[i, m]
+                P[i, m] += charges[k, 0] * weight[i, m]
         u = predict[k] * n * width
         product(FT.reshape(-1), u, width, x, 0, width, t, 0, width, none, 0, n, n, width, False)
         product(t, 0, width, F.reshape(-1), u, width, x, 0, width, none, 0, n, n, width, True)

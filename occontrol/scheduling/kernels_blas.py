@@ -179,7 +179,7 @@ def _predict(X, f, packed, q, width, left, part, S):
 
 @njit(**OPTIONS)
 def forward_large(
-    k0, k1, S, T, F, Q, predict, rows, row_set, offsets, steps, v, R, running_set, kept,
+    k0, k1, S, T, F, Q, predict, rows, row_set, offsets, steps, v, R, running_set, charges, kept,
     width, packed, left, part, other, C, B, D
 ):  # fmt: skip
     """forward_small for many states.
@@ -203,7 +203,7 @@ def forward_large(
         _predict(last, f, packed, Q[predict[k]], width, left, part, now)
         h = steps[k]
         if running:
-            total += 0.5 * h * trace_product(R[running_set[k]], now, n)
+            total += charges[k, 0] * trace_product(R[running_set[k]], now, n)
         c = rows[row_set[k]]
         count = 0
         for j in range(M):
@@ -220,7 +220,7 @@ def forward_large(
         if count > 0:
             _update_block(now, C, B, D, T, count, n)
         if running:
-            total += 0.5 * h * trace_product(R[running_set[k]], now, n)
+            total += charges[k, 1] * trace_product(R[running_set[k]], now, n)
         last, now = now, last
     if k1 > k0 and (keep or (k1 - k0) % 2 == 1):
         S[:, :] = last

@@ -101,7 +101,8 @@ def backward_large(
 
 @njit(**OPTIONS)
 def backward_large_dense(
-    k0, k1, P, T, F, predict, rows, row_set, offsets, steps, v, upper, cost, R, running_set, kept, gradient, Y, Z
+    k0, k1, P, T, F, predict, rows, row_set, offsets, steps, v, upper, cost, R, running_set, charges, kept, gradient,
+    Y, Z,
 ):
     """backward_small_dense for large n; Y, Z (r, n) hold C S+ and C S+ P."""
     n = P.shape[0]
@@ -113,7 +114,7 @@ def backward_large_dense(
         weight = R[running_set[k]]
         for i in range(n):
             for j in range(n):
-                P[i, j] += 0.5 * h * weight[i, j]
+                P[i, j] += charges[k, 1] * weight[i, j]
         np.dot(c, S, Y)
         np.dot(Y, P, Z)
         for j in range(M):
@@ -140,7 +141,7 @@ def backward_large_dense(
                             P[i, m] -= x * Z[r, m]
         for i in range(n):
             for m in range(n):
-                P[i, m] += 0.5 * h * weight[i, m]
+                P[i, m] += charges[k, 0] * weight[i, m]
         f = F[predict[k]]
         np.dot(P, f, T)
         np.dot(f.T, T, P)

@@ -58,9 +58,9 @@ def step_path(recursion: Recursion, weights: np.ndarray, criterion: Criterion | 
     P = criterion.gradient(final)
     for k in range(K - 1, -1, -1):
         F = r.transition[r.predict[k + 1]]
-        running = 0.5 * r.steps[k] * r.running[r.running_set[k]] if len(r.running) else 0.0
-        P = costate[k] = _mean(F.T @ P @ F) + running
-        P = gains[k].T @ P @ gains[k] + running
+        R = r.running[r.running_set[k]] if len(r.running) else np.zeros((n, n))
+        P = costate[k] = _mean(F.T @ P @ F) + r.charges[k, 1] * R
+        P = gains[k].T @ P @ gains[k] + r.charges[k, 0] * R
     return StepPath(before, after, costate, final)
 
 

@@ -9,6 +9,7 @@ schedule may be. J stays convex in the policy, since repeating rows is linear.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -32,6 +33,8 @@ class Recursion:
     terminal : (n, n) weight W on the covariance after predict K
     available : (N, M) positive where a sensor may be used: elsewhere no gradient is computed
     owner : (K,) the decision 0 .. N-1 that each step belongs to, in order and none left out; None: one step a decision
+    charge : (K, 2) factors of tr(R S-) and tr(R S+) in the running cost of each step; None: h/2 both, as in continuous
+        time. A reading in discrete time is charged before it (1, 0) or after it (0, 1)
 
     Raises ValueError for an owner that is not 0 .. N-1 in order.
     """
@@ -50,6 +53,7 @@ class Recursion:
     terminal: np.ndarray
     available: np.ndarray
     owner: np.ndarray | None = None
+    charge: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         decisions = np.arange(len(self.available))
@@ -59,6 +63,13 @@ class Recursion:
             raise ValueError(f"owner must name the decisions 0 .. {len(decisions) - 1} in order, one for every step")
         # what follows copies nothing where every decision has one step
         object.__setattr__(self, "owner", None if len(owner) == len(decisions) else owner.astype(np.int64))
+
+    @cached_property
+    def charges(self) -> np.ndarray:
+        """(K, 2) factors of tr(R S-) and tr(R S+) at every step."""
+        if self.charge is None:
+            return np.repeat(0.5 * self.steps[:, None], 2, axis=1)
+        return np.ascontiguousarray(self.charge, dtype=float)
 
     @property
     def states(self) -> int:

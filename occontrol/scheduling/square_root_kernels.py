@@ -168,8 +168,10 @@ def charge(V, X):
 
 
 @njit(**OPTIONS)
-def forward(k0, k1, X, F, root, index, rows, row_set, offsets, steps, v, V, running_set, after, before, Z, records):
-    """Intervals k0..k1-1 in place on X; returns the running charge, sum of h/2 (|V X-|^2 + |V X+|^2).
+def forward(
+    k0, k1, X, F, root, index, rows, row_set, offsets, steps, v, V, running_set, charges, after, before, Z, records
+):
+    """Intervals k0..k1-1 in place on X; returns the running charge, sum of a |V X-|^2 + b |V X+|^2 with a, b = charges.
 
     after, before, Z (K, n, n) and records (K, r, n+3), K >= k1 - k0, receive X+, X-, Z_1 and the reflections.
     """
@@ -182,7 +184,7 @@ def forward(k0, k1, X, F, root, index, rows, row_set, offsets, steps, v, V, runn
         predict(X, F[u], root[u], M, work, E, tau, order, pivot, Z[here])
         if running:
             before[here] = X
-            total += 0.5 * steps[k] * charge(V[running_set[k]], X)
+            total += charges[k, 0] * charge(V[running_set[k]], X)
         for j in range(offsets.shape[0] - 1):
             w = steps[k] * v[k, j]
             if w > 0.0:
@@ -190,7 +192,7 @@ def forward(k0, k1, X, F, root, index, rows, row_set, offsets, steps, v, V, runn
                     update(X, rows[row_set[k], r], w, records[here, r])
         after[here] = X
         if running:
-            total += 0.5 * steps[k] * charge(V[running_set[k]], X)
+            total += charges[k, 1] * charge(V[running_set[k]], X)
     return total
 
 
@@ -211,7 +213,9 @@ def _charged(g, X, V, factor, M, work, tau, order, pivot):
 
 
 @njit(**OPTIONS)
-def backward(k0, k1, g, rows, row_set, offsets, steps, v, V, running_set, after, before, Z, records, gain):
+def backward(
+    k0, k1, g, rows, row_set, offsets, steps, v, V, running_set, charges, after, before, Z, records, gain
+):
     """gain (N, M) <- h tr(L_j S+ P+ S+) for the intervals k1-1..k0; g (n, p) is changed in place (p = n with V)."""
     n, p = g.shape
     M, work = np.empty((n, 2 * n)), np.empty((n, 2 * n))
@@ -220,8 +224,8 @@ def backward(k0, k1, g, rows, row_set, offsets, steps, v, V, running_set, after,
     running = V.shape[0] > 0
     for k in range(k1 - 1, k0 - 1, -1):
         here, h = k - k0, steps[k]
-        if running:
-            _charged(g, after[here], V[running_set[k]], np.sqrt(0.5 * h), M, work, tau, order, pivot)
+        if running and charges[k, 1] > 0.0:
+            _charged(g, after[here], V[running_set[k]], np.sqrt(charges[k, 1]), M, work, tau, order, pivot)
         for j in range(offsets.shape[0] - 1):
             total = 0.0
             for r in range(offsets[j], offsets[j + 1]):
@@ -252,8 +256,8 @@ def backward(k0, k1, g, rows, row_set, offsets, steps, v, V, running_set, after,
                             dot *= factor
                             for i in range(n):
                                 g[i, a] -= dot * record[i]
-        if running:
-            _charged(g, before[here], V[running_set[k]], np.sqrt(0.5 * h), M, work, tau, order, pivot)
+        if running and charges[k, 0] > 0.0:
+            _charged(g, before[here], V[running_set[k]], np.sqrt(charges[k, 0]), M, work, tau, order, pivot)
         for i in range(n):
             for a in range(p):
                 t[i, a] = 0.0

@@ -19,7 +19,7 @@ MEMORY_BUDGET = 1_000_000_000
 class Sweep:
     """Cost and gradient of policies v (N, M) on one Recursion, with all work space allocated once; an Objective.
 
-        J(v) = sum_kj cost_kj v_kj + sum_k h/2 [tr(R S-) + tr(R S+)] + tr(W S_K)
+        J(v) = sum_kj cost_kj v_kj + sum_k [a_k tr(R S-) + b_k tr(R S+)] + tr(W S_K),   a = b = h/2 in continuous time
         dJ/dv_kj = cost_kj - h_k tr(L_j S+ P+ S+)          summed over the steps k of a decision
 
     The gradient of a sensor that is not available is its cost alone.
@@ -98,7 +98,9 @@ class Sweep:
 
     def _forward(self, k0: int, k1: int, weights: np.ndarray, store: np.ndarray) -> float:
         r = self.recursion
-        tail = (r.predict, self._rows, r.row_set, r.offsets, r.steps, weights, self._R, r.running_set, store)
+        tail = (
+            r.predict, self._rows, r.row_set, r.offsets, r.steps, weights, self._R, r.running_set, r.charges, store,
+        )  # fmt: skip
         if self.small:
             return kernels.forward_small(k0, k1, self._S, self._T, self._F, self._FT, self._Q, *tail, *self._work)
         return kernels_blas.forward_large(k0, k1, self._S, self._T, self._F, self._Q, *tail, *self._work)
@@ -155,7 +157,7 @@ class Sweep:
         r = self.recursion
         common = (r.row_set, r.offsets, r.steps, weights, self._available, r.cost)
         if self.dense:
-            tail = (*common, self._R, r.running_set, self._store, gradient, *self._rows_work)
+            tail = (*common, self._R, r.running_set, r.charges, self._store, gradient, *self._rows_work)
             if self.small:
                 front = (k0, k1, P, self._T, self._F, self._FT, r.predict, self._rows)
                 kernels.backward_small_dense(*front, *tail)
