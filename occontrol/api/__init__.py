@@ -3,6 +3,7 @@
 from occontrol.api.files import (
     document,
     export_run,
+    is_run_of,
     json_schema,
     placed,
     read_measurements,
@@ -37,6 +38,7 @@ __all__ = [
     "export_run",
     "family_of",
     "figures_of",
+    "is_run_of",
     "json_schema",
     "online",
     "placed",

@@ -111,6 +111,21 @@ def read_run(folder: str | Path) -> tuple[Any, Solution]:
     return problem, dataclasses.replace(solution, numbers=numbers)
 
 
+def is_run_of(folder: str | Path, solved: Any, problem: Any) -> bool:
+    """Whether a run folder holds a result of `problem`; how it is named and solved does not matter.
+
+    Parameters
+    ----------
+    folder : the run folder
+    solved : its problem, from `read_run`, to which the solver may have added edges
+    problem : the problem as it is posed
+    """
+    from occontrol.files.run_choice import recorded_result, same_problem
+
+    digest = (recorded_result(Path(folder)) or {}).get("digest")
+    return solved.family == problem.family and same_problem(document(problem), document(solved), digest)
+
+
 def read_schedule(path: str | Path, problem: Any) -> Schedule:
     """A schedule that anyone wrote, on the grid of `problem` refined where the schedule switches.
 

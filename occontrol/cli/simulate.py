@@ -22,12 +22,11 @@ def simulate(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random generator.")] = 0,
 ) -> int:
     """Simulate the plant and the scheduled sensors; the truth goes beside the measurements."""
-    from occontrol.api import document, read_problem, read_run
+    from occontrol.api import is_run_of, read_problem, read_run
     from occontrol.api import simulate as call_simulate
     from occontrol.cli.watch import watched
     from occontrol.core.errors import FileAccessError, ProblemError
     from occontrol.files.atomic import refuse_same
-    from occontrol.files.plain_json import to_json
     from occontrol.files.run_folder import RESULT, check_writable
     from occontrol.files.run_record import refuse_run_files
     from occontrol.files.tables import write_measurements, write_truth
@@ -41,7 +40,9 @@ def simulate(
     check_writable(out.parent)
     if run is not None or (folder / RESULT).exists():
         of_run, solution = read_run(folder)
-        if to_json(document(of_run)) != to_json(document(problem)):
+        if is_run_of(folder, of_run, problem):
+            problem = of_run  # on whose edges the schedule stands
+        else:
             if run is not None:
                 raise ProblemError(f"{folder} is the run of another problem than {file}", "solve the file again")
             note(f"{folder} is the run of another version of {file}; solving again")

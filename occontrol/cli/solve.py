@@ -125,19 +125,15 @@ def run_method(problem: Any, name: str | None, monitor: Watched) -> Solution:
 
 def _earlier(folder: Path, problem: Any) -> Solution | None:
     """What a resumed solve goes on from: DIR/interrupted, else DIR, if it is a result of the same problem."""
-    from occontrol.api import document, read_run
+    from occontrol.api import is_run_of, read_run
     from occontrol.core.errors import OccontrolError
-    from occontrol.files.run_choice import problem_digest, recorded_result
 
-    wanted = problem_digest(document(problem))
     for candidate in (folder / "interrupted", folder):
         try:
             of_run, solution = read_run(candidate)
         except OccontrolError:
             continue
-        # a solver may have added edges to the problem that the folder holds: the digest is that of the one posed
-        digest = (recorded_result(candidate) or {}).get("digest") or problem_digest(document(of_run))
-        if digest == wanted:
+        if is_run_of(candidate, of_run, problem):
             return solution
     return None
 

@@ -44,6 +44,35 @@ def problem_digest(document: Mapping[str, Any]) -> str:
     return "sha256:" + hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
+def same_problem(posed: Mapping[str, Any], solved: Mapping[str, Any], digest: str | None = None) -> bool:
+    """Whether a run that solved the one problem answers the other; how they are named and solved does not matter.
+
+    A solver may add edges to the horizon. Then the run records the digest of the problem as it was posed. The record
+    alone is not believed: apart from the added edges both problems must be equal.
+
+    Parameters
+    ----------
+    posed : document of the problem that is asked about
+    solved : document of the run's own problem
+    digest : that the run records, None where it records none
+    """
+    wanted = problem_digest(posed)
+    if problem_digest(solved) == wanted:
+        return True
+    if digest != wanted or not set(_edges(posed)) <= set(_edges(solved)):
+        return False
+    return problem_digest(_without_edges(posed)) == problem_digest(_without_edges(solved))
+
+
+def _edges(document: Mapping[str, Any]) -> list[float]:
+    return document.get("horizon", {}).get("edges", [])
+
+
+def _without_edges(document: Mapping[str, Any]) -> dict[str, Any]:
+    horizon = {key: value for key, value in document.get("horizon", {}).items() if key != "edges"}
+    return {**document, "horizon": horizon}
+
+
 def place_for(folder: Path, content: Mapping[str, Any]) -> tuple[Place, str]:
     """Where a result goes, and in words why it does not go to `folder` itself.
 
