@@ -37,7 +37,7 @@ def solve(
 
     Ctrl-C once keeps the best so far, twice aborts. What is interrupted never replaces a better result.
     """
-    from occontrol.api import choose_method, read_problem
+    from occontrol.api import choose_method, family_of, read_problem
     from occontrol.cli.warn import warn_of
     from occontrol.cli.watch import exit_code, watched
     from occontrol.core.errors import FileAccessError, InfeasibleError, SolveFailed
@@ -67,7 +67,12 @@ def solve(
             raise
         usable = solution.status not in (Status.INFEASIBLE, Status.FAILED)
         if resume and not monitor.resumed:
-            note("nothing to go on from was found, or this method begins anew: it was solved from the beginning")
+            why = family_of(problem).begins_anew
+            note(
+                f"family {problem.family} begins anew: {why}"
+                if why
+                else "nothing to go on from was found, or this method begins anew: it was solved from the beginning"
+            )
         content: dict[str, Any] = solution.as_dict()
         trouble: FileAccessError | None = None
         written: Path | None = None

@@ -49,6 +49,7 @@ class Family(Protocol):
     columns : the numbers of a result that the table of `compare` shows; empty: cost, bound and gap
     abilities : what it can do beside solve, describe, summarise and draw
     filter_options : the options that `run_filter` takes by name
+    begins_anew : why a solve that is resumed begins anew; empty where a method can go on from an earlier solution
     problem_type : the frozen dataclass of its problems (with `name`, `family`, `method`)
     result_type : the frozen dataclass of its results, with `as_dict` and `from_dict` (core/result.py)
     """
@@ -60,6 +61,7 @@ class Family(Protocol):
     columns: ClassVar[Sequence[str]] = ()
     abilities: ClassVar[frozenset[Ability]]
     filter_options: ClassVar[Sequence[str]] = ()
+    begins_anew: ClassVar[str] = ""
     problem_type: ClassVar[type]
     result_type: ClassVar[type]
 

@@ -42,6 +42,7 @@ class Hybrid(Family):
     abilities: ClassVar[frozenset[Ability]] = frozenset(
         {Ability.SIMULATE, Ability.FILTER, Ability.COMPARE, Ability.MONTE_CARLO}
     )
+    begins_anew: ClassVar[str] = "a result holds the averages over its runs, not the runs"
     problem_type: ClassVar[type] = Problem
     result_type: ClassVar[type] = HybridResult
 

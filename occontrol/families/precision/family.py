@@ -31,6 +31,7 @@ class Precision(Family):
     methods: ClassVar[Mapping[str, type]] = METHODS
     compared: ClassVar[Sequence[str]] = ("barrier", "clarabel", "uniform")
     abilities: ClassVar[frozenset[Ability]] = frozenset({Ability.SIMULATE, Ability.FILTER, Ability.COMPARE})
+    begins_anew: ClassVar[str] = "an interior-point method starts well inside, a point near the optimum is no help"
     problem_type: ClassVar[type] = Problem
     result_type: ClassVar[type] = PrecisionResult
 
