@@ -11,7 +11,7 @@ def test_the_limit_of_one_child_never_reaches_parent_or_sister():
     parent = Monitor(stage="compare")
     first = parent.child(time_limit=0.0)
     first.stage = "relaxation"
-    time.sleep(0.001)
+    first.started -= 1.0
     second = parent.child()
     assert first.timed_out and first.stop
     assert not parent.stop and not second.stop
@@ -20,15 +20,16 @@ def test_the_limit_of_one_child_never_reaches_parent_or_sister():
 
 
 @pytest.mark.parametrize(
-    ("outer", "inner", "tighter"), [(10.0, 3.0, 3.0), (3.0, 10.0, 3.0), (3.0, None, 3.0), (None, 3.0, 3.0)]
+    ("outer", "inner", "tighter"), [(1e5, 3e4, 3e4), (3e4, 1e5, 3e4), (3e4, None, 3e4), (None, 3e4, 3e4)]
 )
 def test_the_tighter_limit_counts_from_now_on(outer, inner, tighter):
     parent = Monitor(time_limit=outer)
     child = parent.child(inner)
-    assert child.time_limit == pytest.approx(tighter, abs=0.5)
-    assert child.seconds < 0.5 and parent.time_limit == outer
-    late = Monitor(time_limit=outer, started=time.perf_counter() - 2.0).child(inner)
-    assert late.time_limit == pytest.approx(min(x for x in (inner, outer and outer - 2.0) if x is not None), abs=0.5)
+    # limits of hours, so that the seconds that a busy machine takes for this do not matter
+    assert child.time_limit == pytest.approx(tighter, abs=1e3)
+    assert child.seconds < 1e3 and parent.time_limit == outer
+    late = Monitor(time_limit=outer, started=time.perf_counter() - 2e4).child(inner)
+    assert late.time_limit == pytest.approx(min(x for x in (inner, outer and outer - 2e4) if x is not None), abs=1e3)
 
 
 def test_a_limit_that_the_parent_gets_later_holds_for_the_child():
@@ -53,12 +54,12 @@ def test_an_interruption_reaches_everybody_from_everywhere(silent):
 
 def test_records_go_up_unless_the_child_is_silent():
     seen = []
-    parent = Monitor(show=seen.append, started=time.perf_counter() - 100.0)
+    parent = Monitor(show=seen.append, started=time.perf_counter() - 1e5)
     child = parent.child()
     child.stage = "polish"
     child.child().report(3, 2.0, 1.0, nodes=7)
     parent.child(silent=True).report(4, 2.0, 1.0)
     child.silent().report(5, 2.0, 1.0)
     assert [(r["iteration"], r["stage"], r["nodes"]) for r in seen] == [(3, "polish", 7)]
-    assert parent.history == seen and seen[0]["seconds"] >= 100.0  # by the parent's clock
-    assert len(child.history) == 1 and child.history[0]["seconds"] < 50.0
+    assert parent.history == seen and seen[0]["seconds"] >= 1e5  # by the parent's clock
+    assert len(child.history) == 1 and child.history[0]["seconds"] < 5e4

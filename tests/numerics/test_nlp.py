@@ -2,7 +2,8 @@
 
 import os
 import signal
-import threading
+import subprocess
+import sys
 import time
 
 import casadi
@@ -97,22 +98,36 @@ def test_stop_of_the_monitor_ends_the_solve():
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_inside_ipopt(number):
+    """It comes from another process at whatever moment; the last iterations wait for it."""
     handler = signal.getsignal(number)
-    monitor = Monitor(show=lambda record: time.sleep(0.02))
-    start = np.tile([-1.2, 1.0], 20)
-    timer = threading.Timer(0.25, os.kill, (os.getpid(), number))
-    timer.start()
-    found = solve_nlp(rosenbrock(40), start, IpoptOptions(), monitor)
-    timer.join()
+    kill = f"import os; os.kill({os.getpid()}, {int(number)})"
+    killers = []
+
+    def show(record):
+        if record["iteration"] == 3:
+            killers.append(subprocess.Popen([sys.executable, "-c", kill]))
+        while record["iteration"] >= 20 and not monitor.interrupted:
+            time.sleep(0.01)
+
+    monitor = Monitor(show=show)
+    found = solve_nlp(rosenbrock(40), np.tile([-1.2, 1.0], 20), IpoptOptions(), monitor)
     assert found.status is Status.INTERRUPTED and monitor.interrupted == number
+    assert killers[0].wait() == 0 and 4 <= len(monitor.history) <= 21
     assert 0 < found.objective < monitor.history[0]["cost"]
     assert signal.getsignal(number) is handler
 
 
 def test_time_limit():
-    monitor = Monitor(show=lambda record: time.sleep(0.05), time_limit=0.3)
+    """It passes at the sixth iteration: then the clock is set forward."""
+
+    def show(record):
+        if record["iteration"] == 5:
+            monitor.started -= 2e4
+
+    monitor = Monitor(show=show, time_limit=1e4)
     found = solve_nlp(rosenbrock(40), np.tile([-1.2, 1.0], 20), IpoptOptions(), monitor)
     assert found.status is Status.LIMIT and "time_limit" in found.message
+    assert found.iterations == 5 and 0 < found.objective < monitor.history[0]["cost"]
 
 
 def test_a_second_interrupt_gets_through():

@@ -1,6 +1,5 @@
 """Athans' methods as values: options that make no sense, limits that stay their own, and a method from outside."""
 
-import time
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -96,15 +95,14 @@ def test_a_toy_method_needs_no_other_file_and_its_false_bound_is_found_out():
 def test_the_time_limit_of_one_method_does_not_leak_to_the_next():
     problem = random_problem(5, states=4, sensors=5, intervals=60)
     monitor = Monitor()
-    first = solve(problem, RelaxRoundPolish(relative_gap=1e-12, time_limit=1e-4), monitor)
+    first = solve(problem, RelaxRoundPolish(relative_gap=1e-12, time_limit=1e-9), monitor)
     assert first.status is Status.LIMIT
     assert monitor.time_limit is None and not monitor.stop
-    time.sleep(0.001)
     second = solve(problem, Relaxed(), monitor)
     assert second.status is Status.CERTIFIED
     assert second.cost == solve(problem, Relaxed()).cost
     # each has the history of its own, by its own clock
-    assert second.history[0]["iteration"] == 0 and second.history[0]["seconds"] < second.seconds + 0.1
+    assert second.history[0]["iteration"] == 0 and second.history[0]["seconds"] <= second.seconds
     assert len(second.history) < len(monitor.history)
 
 

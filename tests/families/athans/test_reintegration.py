@@ -337,9 +337,12 @@ def test_unbalanced_units_do_not_matter():
 
 
 @pytest.mark.slow
-def test_thirty_states_four_hundred_intervals():
-    import time
+def test_thirty_states_four_hundred_intervals(monkeypatch):
+    """The work is counted in panels that are integrated: on any machine the same."""
+    from occontrol.families.athans.continuous.reintegration import _Sweep
 
+    panels, forward = [], _Sweep.forward
+    monkeypatch.setattr(_Sweep, "forward", lambda self: (panels.append(len(self.panels.lengths)), forward(self)))
     rng = np.random.default_rng(0)
     n, M, N = 30, 20, 400
     A = rng.normal(size=(n, n)) / np.sqrt(n) - 0.3 * np.eye(n)
@@ -349,7 +352,6 @@ def test_thirty_states_four_hundred_intervals():
     problem = SchedulingProblem(
         "big", LinearPlant(A, 0.5 * np.eye(n), 250 * np.eye(n)), sensors, np.linspace(0, 10, N + 1), np.eye(n)[:2]
     )
-    started = time.perf_counter()
     found = reintegrate(problem, fractions(problem))
-    assert time.perf_counter() - started < 60
+    assert sum(panels) < 4000, panels
     assert found.error < 1e-8 * found.cost

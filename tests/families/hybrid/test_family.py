@@ -98,10 +98,14 @@ def test_first_scores_do_not_depend_on_chance():
 
 
 def test_limit_and_interrupt_keep_the_runs_that_were_done():
-    limited = hybrid.solve(make(runs=400_000), Scheduled(time_limit=0.3))
+    monitor = Monitor(show=lambda record: setattr(monitor, "time_limit", -1.0))  # it passes at the first record
+    limited = hybrid.solve(make(runs=400_000), Scheduled(), monitor)
     assert limited.status is Status.LIMIT
-    assert 1 <= limited.result["runs"] < 400_000
-    assert "time limit" in limited.message
+    assert limited.result["runs"] == monitor.history[0]["iteration"] < 400_000
+    assert limited.message == f"{limited.result['runs']} of 400000 runs before the time limit"
+    assert len(monitor.history) == 1
+    at_once = hybrid.solve(make(runs=400_000), Scheduled(time_limit=1e-9))
+    assert at_once.status is Status.LIMIT and at_once.result["runs"] == 1
     interrupted = hybrid.solve(make(), Scheduled(), Monitor(interrupted=2))
     assert interrupted.status is Status.INTERRUPTED
     assert interrupted.result["runs"] == 1
