@@ -40,8 +40,8 @@ def arrange(
     in_use : N collections of positions in `names`: the sensors whose samples may be there; None where any may
     measurements : in any order, which is kept among those of the same time; a NaN among the values is a missing one and
         is kept too
-    slack : how far a time may lie from where it belongs, as a share of the interval (of the shorter gap beside an
-        instant)
+    slack : how far a time may lie from where it belongs, as a share of the time between edges (of the shorter gap
+        beside an instant)
     instants : whether `edges` are instants
 
     Raises ProblemError: outside the horizon, not at the end of an interval (not at a step), a sensor that is unknown or

@@ -10,7 +10,7 @@ from occontrol.core.signal import ExpressionSignal, Signal
 ASYMMETRY = 1e-9
 NEGATIVE = 1e-10
 SINGULAR = 1e-14
-BETWEEN = 513
+SAMPLES_BETWEEN = 513
 LARGEST = 1e100  # products of a few such numbers are still finite
 UNITS = "choose other units"
 
@@ -32,7 +32,10 @@ def check_shape(
 def check_covariance(
     name: str, matrix: np.ndarray, path: Path, definite: bool = False, when: str = ""
 ) -> list[Mistake]:
-    """Finite, symmetric to 1e-9 relative and positive semidefinite (or definite); names the eigenvalue."""
+    """Finite, symmetric to 1e-9 relative and positive semidefinite (or definite); names the eigenvalue.
+
+    `matrix` is (n, n), in any unit.
+    """
     if not np.all(np.isfinite(matrix)):
         return [Mistake(path, f"{name} is not finite{when}")]
     if matrix.shape[0] != matrix.shape[1]:
@@ -68,7 +71,10 @@ def _definite_in_own_units(matrix: np.ndarray) -> bool:
 
 
 def check_finite(name: str, signal: Signal, times: np.ndarray, path: Path, variable: str = "t") -> list[Mistake]:
-    """Evaluate a signal on a grid, and formulas between; name the first time at which it is not finite."""
+    """Evaluate a signal on a grid, and formulas between; name the first time at which it is not finite.
+
+    `times` (K,), in the unit of time.
+    """
     if signal.constant or len(times) == 0:
         scale = float(np.max(np.abs(signal.at(0.0)), initial=0.0)) if signal.constant else 0.0
         return [Mistake(path, f"{name} is too large: it holds {scale:g}", UNITS)] if scale > LARGEST else []
@@ -92,19 +98,25 @@ def check_finite(name: str, signal: Signal, times: np.ndarray, path: Path, varia
 
 
 def looked_at(signal: Signal, times: np.ndarray, variable: str = "t") -> np.ndarray:
-    """The times at which a signal is checked: the grid, and in continuous time more between for a formula or table."""
+    """The times at which a signal is checked: the grid, and in continuous time more between for a formula or table.
+
+    `times` (K,) is the grid, in the unit of time.
+    """
     if variable != "t" or signal.constant:
         return times
     inside = signal.breakpoints
     if isinstance(signal, ExpressionSignal):
-        inside = np.linspace(times[0], times[-1], BETWEEN)
+        inside = np.linspace(times[0], times[-1], SAMPLES_BETWEEN)
     return np.union1d(times, inside[(inside > times[0]) & (inside < times[-1])])
 
 
 def check_covariance_signal(
     name: str, signal: Signal, times: np.ndarray, path: Path, definite: bool = False, variable: str = "t"
 ) -> list[Mistake]:
-    """`check_covariance` at every time of the grid; the first failure is reported with its time."""
+    """`check_covariance` at every time of the grid; the first failure is reported with its time.
+
+    `times` (K,) is the grid, in the unit of time.
+    """
     if signal.constant:
         return check_covariance(name, signal.at(0.0), path, definite)
     if len(times) == 0:

@@ -16,9 +16,9 @@ class Claims:
 
     Parameters
     ----------
-    cost : of the discretised problem, or None
-    lower_bound : of the discretised problem, or None
-    continuous_bound : in continuous time, or None
+    cost : of the discretised problem, in cost units, or None
+    lower_bound : of the discretised problem, in cost units, or None
+    continuous_bound : in continuous time, in cost units, or None
     relative_gap : (cost - lower_bound) / |cost|, or None
     parts : further numbers by the names that they have in a result, such as prediction_error
     """
@@ -44,9 +44,9 @@ def false_claims(
     Parameters
     ----------
     claims : Claims
-    cost : recomputed J of the claimed policy
-    lowest_cost : the lowest J of any policy known, the relaxed optimum included
-    continuous_cost : recomputed J in continuous time, or None
+    cost : recomputed J of the claimed policy, in cost units
+    lowest_cost : the lowest J of any policy known, in cost units, the relaxed optimum included
+    continuous_cost : recomputed J in continuous time, in cost units, or None
     parts : recomputed numbers by name
     """
     found = []

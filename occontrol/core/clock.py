@@ -17,7 +17,10 @@ ULPS = 4.0  # of the larger time: a few roundings of its own
 
 
 def resolution(*times: np.ndarray | float) -> float:
-    """ULPS units in the last place of the largest of `times`: what arithmetic on them may lose."""
+    """ULPS units in the last place of the largest of `times`: what arithmetic on them may lose.
+
+    Each of `times` is a number or (K,), in the unit of time.
+    """
     largest = max(float(np.max(np.abs(t), initial=0.0)) for t in map(np.atleast_1d, times))
     return ULPS * float(np.spacing(largest))
 
@@ -27,19 +30,19 @@ def tolerance(spacing: float, *times: np.ndarray | float) -> float:
 
     Parameters
     ----------
-    spacing : length of the interval, or of the window, that is at stake
-    times : the times themselves, for their ulps
+    spacing : length of the interval, or of the window, that is at stake, in the unit of time
+    times : numbers or (K,), in the unit of time, whose own rounding counts
     """
     return SHARE * float(spacing) + resolution(*times)
 
 
 def nearest_edge(times: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The nearest edge of each time, and whether the two are the same time.
+    """The nearest edge of each time, and whether the two are one and the same.
 
     Parameters
     ----------
-    times : (K,)
-    edges : (N+1,) increasing
+    times : (K,), in the unit of time
+    edges : (N+1,) increasing times
 
     Returns index (K,) and same (K,). The spacing is that of the shorter interval beside the edge.
     """
@@ -58,7 +61,7 @@ def lengths(edges: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    edges : (N+1,) increasing
+    edges : (N+1,) increasing times
     """
     since = elapsed(edges)
     steps = np.diff(since)
@@ -75,7 +78,7 @@ def elapsed(edges: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    edges : (N+1,) increasing
+    edges : (N+1,) increasing times
     """
     edges = np.asarray(edges, dtype=float)
     since = edges - edges[0]

@@ -154,6 +154,7 @@ class Collector:
         return _Under(self, prefix)
 
     def raise_if_any(self) -> None:
+        """Raise ProblemError with every mistake collected so far; do nothing where there is none."""
         if self.mistakes:
             raise ProblemError(self.mistakes)
 

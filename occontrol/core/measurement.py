@@ -14,9 +14,10 @@ class Measurement:
 
     Parameters
     ----------
-    time : t of the sample; in continuous time the value is the average over the interval that ends there
+    time : t of the sample, in the unit of time; in continuous time the value is the average over the interval that
+        ends there
     sensor : the sensor's name
-    values : (m,) the values
+    values : (m,) the values, in measurement units
     line : line number in the file it came from, 0 if none
     """
 
@@ -32,10 +33,11 @@ class Step:
 
     Parameters
     ----------
-    time : t of the estimate; k in discrete time
-    estimate, covariance : (n,), (n, n) of the state. Where a family bounds errors instead of describing them by
-        chance, the centre of the set of possible states and its shape times its level
-    prediction, prediction_covariance : (p,), (p, p) of w; p = 0 where the family predicts nothing
+    time : t of the estimate, in the unit of time; k in discrete time
+    estimate, covariance : (n,), (n, n) of the state, in state units and their squares. Where a family bounds errors
+        instead of describing them by chance, the centre of the set of possible states and its shape times its level
+    prediction, prediction_covariance : (p,), (p, p) of w, in units of w and their squares; p = 0 where the
+        family predicts nothing
     nis : normalised innovation squared of the values just taken in, NaN where there were none
     dimension : number of values behind nis
     next_sensors : names of the sensors to read next; () for none, and at the end
@@ -62,16 +64,16 @@ class Estimate:
 
     Parameters
     ----------
-    times : (K,)
-    mean : (K, n) state estimate
-    standard_deviation : (K, n)
-    predicted : (K, p) prediction of w (p = 0 where the family predicts nothing)
-    predicted_deviation : (K, p)
+    times : (K,), in the unit of time
+    mean : (K, n) state estimate, in state units
+    standard_deviation : (K, n), in state units
+    predicted : (K, p) prediction of w, in units of w (p = 0 where the family predicts nothing)
+    predicted_deviation : (K, p), in units of w
     nis : (K,) normalised innovation squared; NaN where nothing was measured
     dimension : (K,) number of values behind each nis
-    covariance : (K, n, n)
+    covariance : (K, n, n), in state units squared
     notes : announcements, e.g. that missing samples made the precomputed covariance invalid
-    output, output_deviation : (K, p) w(t) = D(t) x(t) at the time of the row itself, where the family has it
+    output, output_deviation : (K, p) w(t) = D(t) x(t), in units of w, at the time of the row, where the family has it
     """
 
     times: np.ndarray

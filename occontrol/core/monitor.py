@@ -70,7 +70,7 @@ class Monitor:
         return self.child(silent=True)
 
     def report(self, iteration: int, cost: float, lower_bound: float, **more) -> None:
-        """Record one iteration and show it."""
+        """Record one iteration and show it; `cost` and `lower_bound` are in cost units."""
         self._keep(
             {
                 "iteration": iteration,

@@ -23,10 +23,10 @@ class LinearPlant:
     ----------
     A : (n, n) 1/time; number, rows, array, formulas of t, or a Signal
     noise : (n, n) intensity Xi, [state unit]^2/time, symmetric positive semidefinite
-    covariance : (n, n) initial error covariance, symmetric positive semidefinite (may be singular)
-    mean : (n,) initial mean; zero if left out
-    B : (n, r) input matrix, optional
-    input : (r,) entries u(t), numbers or formulas of t; needed when B is given
+    covariance : (n, n) initial error covariance, [state unit]^2, symmetric positive semidefinite (may be singular)
+    mean : (n,) initial mean, in state units; zero if left out
+    B : (n, r) input matrix, [state unit]/([input unit] time), optional
+    input : (r,) entries u(t), in input units, numbers or formulas of t; needed when B is given
 
     Raises ProblemError naming every matrix of the wrong shape or definiteness.
     Athans (1971), equations (2.1)-(2.8).
@@ -100,11 +100,12 @@ class DiscretePlant:
 
     Parameters
     ----------
-    F : (n, n) number, rows, array, formulas of k, or a Signal
-    Q : (p, p) covariance of w(k), symmetric positive semidefinite (a covariance, not an intensity)
-    covariance : (n, n) initial error covariance P(0|-1), symmetric positive semidefinite (may be singular)
-    mean : (n,) initial mean; zero if left out
-    G : (n, p) noise input matrix; the identity if left out
+    F : (n, n) [state unit]/[state unit] a step; number, rows, array, formulas of k, or a Signal
+    Q : (p, p) covariance of w(k), [unit of w]^2, symmetric positive semidefinite; a covariance, not an intensity
+    covariance : (n, n) initial error covariance P(0|-1), [state unit]^2, symmetric positive semidefinite (may be
+        singular)
+    mean : (n,) initial mean, in state units; zero if left out
+    G : (n, p) noise input matrix, [state unit]/[unit of w]; the identity if left out
 
     Raises ProblemError naming every matrix of the wrong shape or definiteness.
     Oshman (1994), equation (1).

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 GROWTH = 1e4  # a pole of order 1/4 is 1e4 times larger one float beside it than a grid step away
 TINY = 1e-7
-MOST = 200  # zeros looked at
+MOST_ZEROS = 200  # zeros looked at
 _SHRINK = (3 - 5**0.5) / 2
 
 
@@ -62,7 +62,7 @@ def find_pole(expression: Expression, variable: str, times: np.ndarray) -> float
     ----------
     expression : formula that is finite at all `times`
     variable : the name of its variable
-    times : (K,) increasing; zeros closer together than a step may be missed
+    times : (K,) increasing, in the unit of time; zeros closer together than a step may be missed
     """
     if len(times) < 2 or not expression.suspects:
         return None
@@ -93,7 +93,7 @@ def find_pole(expression: Expression, variable: str, times: np.ndarray) -> float
 
 def _zeros(row: int, z: np.ndarray, times: np.ndarray, evaluate: Any) -> Iterator[tuple[float, float, np.ndarray]]:
     """(low, high, the samples around them): neighbouring floats at which z changes its sign, or is smallest."""
-    crossing = np.flatnonzero(z[:-1] * z[1:] < 0)[:MOST]
+    crossing = np.flatnonzero(z[:-1] * z[1:] < 0)[:MOST_ZEROS]
     if len(crossing):
         low, high, left = times[crossing], times[crossing + 1], np.sign(z[crossing])
         for _ in range(80):
@@ -103,7 +103,7 @@ def _zeros(row: int, z: np.ndarray, times: np.ndarray, evaluate: Any) -> Iterato
         yield from ((a, b, np.array([k, k + 1])) for a, b, k in zip(low, high, crossing, strict=True))
     size = np.abs(z)
     dip = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < np.maximum(size[:-2], size[2:]))
-    dips = 1 + np.flatnonzero(dip & (z[:-2] * z[2:] > 0))[:MOST]
+    dips = 1 + np.flatnonzero(dip & (z[:-2] * z[2:] > 0))[:MOST_ZEROS]
     if len(dips):
         low, high = times[dips - 1], times[dips + 1]
         for _ in range(100):

@@ -21,7 +21,7 @@ class ScaledSignal(Signal):
     Parameters
     ----------
     inner : Signal
-    factor : (rows, columns)
+    factor : (rows, columns), scaled units over those of the signal
     """
 
     inner: Signal
@@ -43,6 +43,7 @@ class ScaledSignal(Signal):
         return self.inner.at(t) * self.factor
 
     def sample(self, times: np.ndarray) -> np.ndarray:
+        """The scaled (K, rows, columns) matrices at `times` (K,), in the unit of time."""
         return self.inner.sample(times) * self.factor
 
     def document(self) -> Any:
@@ -55,12 +56,13 @@ class ScaledExpression(ExpressionSignal):
 
     Parameters
     ----------
-    factor : (rows, columns)
+    factor : (rows, columns), scaled units over those of the signal
     """
 
     factor: Any = 1.0
 
     def sample(self, times: np.ndarray) -> np.ndarray:
+        """The scaled (K, rows, columns) matrices at `times` (K,), in the unit of time."""
         return super().sample(times) * self.factor
 
     def __getstate__(self) -> dict:
@@ -77,7 +79,7 @@ def scaled(signal: Signal, left: np.ndarray, right: np.ndarray) -> Signal:
     Parameters
     ----------
     signal : Signal, (rows, columns)
-    left, right : (rows,) and (columns,); with powers of two nothing is rounded
+    left, right : (rows,) and (columns,), scaled units over those of the signal; with powers of two nothing is rounded
     """
     return ScaledSignal(signal, np.outer(left, right))
 

@@ -113,7 +113,7 @@ class Schedule:
         return weights
 
     def require_horizon(self, edges: np.ndarray) -> None:
-        """Raise ProblemError unless the schedule begins and ends where the grid `edges` (N+1,) does."""
+        """Raise ProblemError unless the schedule begins and ends where the grid does, `edges` (N+1,) times."""
         hint = f"the schedule must cover the horizon [{edges[0]:.12g}, {edges[-1]:.12g}]"
         start, end = self.edges[0], self.edges[-1]
         if snap(start, edges) != edges[0]:
@@ -168,7 +168,7 @@ def snap(times: np.ndarray, edges: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     times : (...,) or a single time
-    edges : (N+1,) increasing, N >= 1
+    edges : (N+1,) increasing times, N >= 1
 
     Returns the times (...,).
     """
@@ -177,5 +177,5 @@ def snap(times: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def constant_schedule(edges: np.ndarray, names: Sequence[str], weights: Sequence[float]) -> Schedule:
-    """The same weights (M,) on every interval of `edges` (K+1,)."""
+    """The same weights (M,) on every interval between the times `edges` (K+1,)."""
     return Schedule(edges, np.tile(np.asarray(weights, dtype=float), (len(edges) - 1, 1)), tuple(names))

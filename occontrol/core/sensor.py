@@ -35,10 +35,10 @@ class Sensor:
     Parameters
     ----------
     name : str, unique within a suite
-    C : (m, n) number, rows, array, formulas of t, or a Signal
+    C : (m, n) [measurement unit]/[state unit]; number, rows, array, formulas of t, or a Signal
     noise : (m, m) intensity Theta, [measurement unit]^2 * time, symmetric positive definite
     cost : cost rate q, cost/time, a number or a formula of t
-    windows : list of (start, end) inside which the sensor may be used; None is always
+    windows : list of times (start, end) inside which the sensor may be used; None is always
 
     Athans (1971), equations (2.9)-(2.15).
     """
@@ -103,7 +103,7 @@ class Sensor:
         return {"C": self.C, "noise": self.noise, "cost": self.cost}
 
     def available(self, start: float, end: float) -> bool:
-        """Whether the whole of [start, end] lies inside the windows (those that touch count as one)."""
+        """Whether all times of [start, end] lie inside the windows (those that touch count as one)."""
         if self.windows is None:
             return True
         slack = tolerance(end - start, start, end)

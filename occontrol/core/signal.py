@@ -29,7 +29,7 @@ class Signal:
         return self.sample(np.array([t], dtype=float))[0]
 
     def sample(self, times: np.ndarray) -> np.ndarray:
-        """The (K, rows, columns) matrices at K times."""
+        """The (K, rows, columns) matrices at `times` (K,), in the unit of time."""
         raise NotImplementedError
 
     @property
@@ -44,7 +44,7 @@ class Signal:
 
 @dataclass(frozen=True, eq=False)
 class ConstantSignal(Signal):
-    """The same matrix at all times."""
+    """The same matrix at all times. value : (rows, columns), in the unit of the quantity it stands for"""
 
     value: np.ndarray
     constant = True
@@ -57,6 +57,7 @@ class ConstantSignal(Signal):
         return self.value
 
     def sample(self, times: np.ndarray) -> np.ndarray:
+        """The same matrix, (K, rows, columns), for each of `times` (K,), in the unit of time."""
         return np.broadcast_to(self.value, (len(times), *self.value.shape))
 
     def document(self) -> Any:
@@ -101,6 +102,7 @@ class ExpressionSignal(Signal):
         return casadi.Function("signal", [symbol], [casadi.vertcat(*flat)])
 
     def sample(self, times: np.ndarray) -> np.ndarray:
+        """The formulas, (K, rows, columns), at `times` (K,), in the unit of time."""
         times = np.asarray(times, dtype=float)
         if len(times) == 0:  # CasADi would take it for one time
             return np.empty((0, *self.shape))
@@ -108,7 +110,7 @@ class ExpressionSignal(Signal):
         return np.ascontiguousarray(values.T).reshape(len(times), *self.shape)
 
     def pole(self, times: np.ndarray) -> tuple[float, int, int] | None:
-        """(time, row, column) of the first entry that is infinite between `times`, where all entries are finite."""
+        """(time, row, column) of the first entry that is infinite between `times` (K,), where all are finite."""
         formulas = {entry for row in self.entries for entry in row if isinstance(entry, str)}
         poles = {f: find_pole(parse_expression(f, (self.variable,)), self.variable, times) for f in formulas}
         found = []
@@ -130,7 +132,10 @@ class ExpressionSignal(Signal):
 
 @dataclass(frozen=True, eq=False)
 class TableSignal(Signal):
-    """Matrices at given times, joined by straight lines ("linear") or held until the next time ("previous")."""
+    """Matrices at given times, joined by straight lines ("linear") or held until the next time ("previous").
+
+    times, values : (K,) in the unit of time, (K, rows, columns) in the unit of the quantity they stand for
+    """
 
     times: np.ndarray
     values: np.ndarray
@@ -176,6 +181,7 @@ class TableSignal(Signal):
         )
 
     def sample(self, times: np.ndarray) -> np.ndarray:
+        """The table, (K, rows, columns), at `times` (K,), in the unit of time; they may lie between its own."""
         t = np.asarray(times, dtype=float)
         left = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 1)
         if self.interpolation == "previous" or len(self.times) == 1:
@@ -194,6 +200,13 @@ def as_signal(value: Any, variable: str = "t") -> Signal:
     """A Signal from a number, a formula, a nested list, an array, or a Signal.
 
     A number or a single formula is 1x1. A flat list is refused: it could be a row or a column.
+
+    Parameters
+    ----------
+    value : (rows, columns), in the unit of the quantity that the signal stands for
+    variable : the name of time, or of the step, in formulas
+
+    Raises ProblemError where `value` is no matrix of finite real numbers and formulas.
     """
     if isinstance(value, Signal):
         return value

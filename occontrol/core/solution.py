@@ -74,7 +74,7 @@ class Certificate:
     Parameters
     ----------
     cost : J of the policy, in cost units
-    lower_bound : no policy of the same problem costs less
+    lower_bound : in cost units; no policy of the same problem costs less
     allowance : share of |cost| by which rounding may put the bound above the cost; it has done its work once the two
         numbers stand, so equal certificates may have had different ones
     """
@@ -126,7 +126,7 @@ class Solution:
     family, method : str
     status, message : how it ended, in the vocabulary of `Status`
     iterations : int
-    seconds : wall time of the solve
+    seconds : wall time of the solve in seconds
     numbers : the family's frozen result (cost, lower_bound, schedule, ...); `result` shows the same by name
     arrays : the family's arrays, as in arrays.npz
     schedule : Schedule or None
@@ -208,7 +208,7 @@ def make_solution(
     monitor : what watched the method; its history goes with the solution
     began : time.perf_counter() at the start
     iterations : of the method, in whatever it counts
-    arrays : what arrays.npz will hold, by name
+    arrays : what arrays.npz will hold, by name; for example edges (N+1,)
     schedule : on which the numbers are, if there is one
     certificate : cost and proven bound, if there is one; where it contradicts itself the status is `disagrees`
     """

@@ -13,8 +13,8 @@ class Trajectory:
 
     Parameters
     ----------
-    times : (N+1,) increasing
-    values : (N+1, ...) one array per time
+    times : (N+1,) increasing, in the unit of time
+    values : (N+1, ...) one array per time, in the units of what it follows
     """
 
     times: np.ndarray

@@ -13,7 +13,7 @@ LOOKED_AT = 8 * 2**20  # characters; in a larger file every mistake is said to b
 
 
 def read_json(source: str, file: str) -> Text:
-    """Parse JSON fast; duplicate keys, depth and syntax are mistakes with their place."""
+    """Parse JSON fast; duplicate keys, depth and syntax are mistakes, each a ProblemError with its place."""
     text = Text(file, None, lambda: _places(source, file)[0])
     repeated = False
 

@@ -10,7 +10,7 @@ from typing import Any
 from occontrol.core.errors import Mistake, Path, ProblemError
 
 MAX_DEPTH = 40
-MOST = 50  # mistakes reported at once
+MOST_MISTAKES = 50  # mistakes reported at once
 
 
 @dataclass(slots=True)
@@ -64,16 +64,17 @@ class Text:
 
 
 def in_order(mistakes: list[Mistake]) -> ProblemError:
-    """Placed mistakes in the order of the file, each once, the first `MOST` of them."""
+    """Placed mistakes in the order of the file, each once, the first `MOST_MISTAKES` of them."""
 
     def position(m: Mistake) -> list[int]:
         return [int(part) for part in m.place.split(":")[-2:] if part.isdigit()]
 
     single = list({(m.place, m.what): m for m in mistakes}.values())
     single.sort(key=position)
-    if len(single) > MOST:
-        rest = len(single) - MOST
-        single = [*single[:MOST], Mistake((), f"and {rest} more mistake{'s' * (rest > 1)}", place=single[MOST].place)]
+    if len(single) > MOST_MISTAKES:
+        rest = len(single) - MOST_MISTAKES
+        more = f"and {rest} more mistake{'s' * (rest > 1)}"
+        single = [*single[:MOST_MISTAKES], Mistake((), more, place=single[MOST_MISTAKES].place)]
     return ProblemError(single)
 
 

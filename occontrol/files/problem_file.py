@@ -72,7 +72,10 @@ def read_bytes(path: Path, limit: int, kind: str) -> bytes:
 
 
 def read_text(path: Path, limit: int, kind: str) -> str:
-    """The text of a file; binary data, other encodings than UTF-8 and empty files are mistakes."""
+    """The text of a file; binary data, other encodings than UTF-8 and empty files are mistakes.
+
+    Raises ProblemError for these, FileAccessError where the file cannot be read.
+    """
     content = read_bytes(path, limit, kind)
     if b"\0" in content:
         raise at(str(path), 1, 1, f"this is binary data, not a {kind}")
@@ -95,6 +98,8 @@ def load_document(path: str | Path, families: Sequence[str], schema_of: Callable
     path : a .yaml, .yml or .json file
     families : the names that `family:` may have
     schema_of : the schema module of a family, imported when it is called
+
+    Raises ProblemError with the place of what is wrong, FileAccessError where the file cannot be read.
     """
     from occontrol.files.json_text import read_json
     from occontrol.files.schema.crowd import family_in, refuse_crowd

@@ -75,6 +75,8 @@ def claim(archive: zipfile.ZipFile, info: zipfile.ZipInfo, place: str) -> Claim:
     ----------
     archive, info : the member
     place : what to call the file in a message
+
+    Raises ValueError where the header cannot be trusted, ProblemError where it claims more than there is.
     """
     name = info.filename.removesuffix(".npy")
     with archive.open(info) as member:
@@ -100,6 +102,8 @@ def load(archive: zipfile.ZipFile, info: zipfile.ZipInfo, claimed: Claim) -> np.
     ----------
     archive, info : the member
     claimed : by its header
+
+    Raises ValueError where the header is another one than before.
     """
     with archive.open(info) as member:
         array = np.lib.format.read_array(member, allow_pickle=False, max_header_size=HEADER)

@@ -25,7 +25,7 @@ def in_one_piece(folder: Path, read: Callable[[Callable[[str], Path]], T]) -> T:
     folder : the run folder
     read : is called again when a writer has removed that result meanwhile
 
-    Raises whatever `read` raises, when nobody has written.
+    Raises whatever `read` raises, when nobody has written, and FileAccessError when somebody writes all the time.
     """
     for _ in range(TRIES):
         before = current_run(folder)

@@ -169,25 +169,25 @@ class StateUnits:
         return StateUnits(1.0 / self.factors)
 
     def vector(self, x: np.ndarray) -> np.ndarray:
-        """A state (..., n)."""
+        """A state x (..., n)."""
         return x / self.factors
 
     def map(self, A: np.ndarray) -> np.ndarray:
-        """What takes states to states (..., n, n), such as A, F and K C."""
+        """What takes states to states, such as F, K C and A (..., n, n)."""
         return A * (self.factors / self.factors[:, None])
 
     def into(self, B: np.ndarray) -> np.ndarray:
-        """What takes anything to states (..., n, m), such as B and a gain."""
+        """What takes anything to states, such as a gain and B (..., n, m)."""
         return B / self.factors[:, None]
 
     def out_of(self, C: np.ndarray) -> np.ndarray:
-        """What takes states to anything (..., m, n), such as C and D."""
+        """What takes states to anything, such as D and C (..., m, n)."""
         return C * self.factors
 
     def covariance(self, S: np.ndarray) -> np.ndarray:
-        """A covariance or an intensity (..., n, n)."""
+        """A covariance or an intensity S (..., n, n)."""
         return S / self.factors / self.factors[:, None]
 
     def weight(self, R: np.ndarray) -> np.ndarray:
-        """A weight on a covariance, an information or a costate (..., n, n)."""
+        """A weight on a covariance, an information or a costate R (..., n, n)."""
         return R * self.factors * self.factors[:, None]

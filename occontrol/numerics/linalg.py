@@ -72,7 +72,7 @@ def unvech(packed: Any) -> Any:
 
 
 def symmetrise(matrix: np.ndarray) -> np.ndarray:
-    """(X + X')/2 over the last two axes."""
+    """(X + X')/2 over the last two axes; `matrix` is X (..., n, n)."""
     return (matrix + np.swapaxes(matrix, -1, -2)) / 2
 
 

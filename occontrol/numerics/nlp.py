@@ -166,7 +166,10 @@ def solve_nlp(program: Program, start: np.ndarray, options: IpoptOptions, monito
 
 
 def check_start(program: Program, solver: Any, start: np.ndarray) -> None:
-    """Evaluate the functions that Ipopt will call; raise SolveFailed naming what is not finite at the start."""
+    """Evaluate the functions that Ipopt will call; raise SolveFailed naming what is not finite at the start.
+
+    `start` (variables,).
+    """
     value, slope = (np.array(x).ravel() for x in solver.get_function("nlp_grad_f")(start, []))
     rows, jacobian = solver.get_function("nlp_jac_g")(start, [])
     if not np.isfinite(value[0]):

@@ -23,13 +23,13 @@ STIFF = 1e3
 
 
 def hamiltonian_matrices(A: np.ndarray, noise: np.ndarray, information: np.ndarray) -> np.ndarray:
-    """[[-A', L], [Xi, A]] for (..., n, n) matrices, shape (..., 2n, 2n)."""
+    """[[-A', L], [Xi, A]] (..., 2n, 2n) for A, `noise` Xi and `information` L (..., n, n)."""
     A, noise, information = np.broadcast_arrays(A, noise, information)
     return np.block([[-np.swapaxes(A, -1, -2), information], [noise, A]])
 
 
 def norms(matrices: np.ndarray) -> np.ndarray:
-    """An upper bound of the spectral norm of (..., m, m) matrices."""
+    """An upper bound of the spectral norm of `matrices` (..., m, m)."""
     size, ones = np.abs(matrices), np.ones(matrices.shape[-1])
     return np.sqrt(np.max(size @ ones, axis=-1) * np.max(ones @ size, axis=-1))
 
@@ -89,7 +89,7 @@ def values_at(times: np.ndarray, terms: list[np.ndarray]) -> np.ndarray:
 
 
 def fractional(transition: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F, G and Q of transitions (..., 2n, 2n); each (..., n, n)."""
+    """F, G and Q, each (..., n, n), of `transition` (..., 2n, 2n)."""
     n = transition.shape[-1] // 2
     inverse = np.linalg.inv(transition[..., :n, :n])
     gramian = symmetrise(inverse @ transition[..., :n, n:])
@@ -150,11 +150,11 @@ def reduced_roots(S: np.ndarray, G: np.ndarray) -> np.ndarray:
 
 
 def covariance_after(reduced: np.ndarray, F: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """Sigma+ of steps from `reduced_roots`; (..., n, n)."""
+    """Sigma+ of steps; `reduced` (from `reduced_roots`), F and Q are (..., n, n), as is the result."""
     half = reduced @ np.swapaxes(F, -1, -2)
     return Q + np.swapaxes(half, -1, -2) @ half
 
 
 def closed_loop(reduced: np.ndarray, F: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """K = F (I + Sigma G)^-1 of steps from `reduced_roots`; (..., n, n)."""
+    """K = F (I + Sigma G)^-1 of steps; `reduced` (from `reduced_roots`), F and G are (..., n, n)."""
     return F - np.swapaxes(reduced @ np.swapaxes(F, -1, -2), -1, -2) @ (reduced @ G)

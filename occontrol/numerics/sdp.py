@@ -35,13 +35,13 @@ class SdpResult:
 
 
 def pack(matrix: np.ndarray) -> np.ndarray:
-    """(..., r, r) symmetric -> (..., r(r+1)/2), such that inner products are kept."""
+    """The triangle (..., r(r+1)/2) of a symmetric `matrix` (..., r, r), scaled so that inner products stay the same."""
     column, row = np.tril_indices(matrix.shape[-1])
     return matrix[..., row, column] * np.where(row == column, 1.0, np.sqrt(2.0))
 
 
 def unpack(vector: np.ndarray, rows: int) -> np.ndarray:
-    """The inverse of `pack`."""
+    """The inverse of `pack`: (..., r, r) for `vector` (..., r(r+1)/2) and `rows` r."""
     column, row = np.tril_indices(rows)
     matrix = np.zeros((rows, rows))
     matrix[row, column] = vector / np.where(row == column, 1.0, np.sqrt(2.0))

@@ -41,7 +41,7 @@ def transitions(
     noise : (n, n) Signal, intensity Xi
     starts, ends : (K,) spans; an empty one (start = end) gives the identity and zero
     origin : what `starts` and `ends` are counted from, so that they keep their digits
-    cuts : further times, counted from `origin`, across which nothing is taken for smooth
+    cuts : (C,) further times, counted from `origin`, across which nothing is taken for smooth
 
     Returns F (K, n, n) and Q (K, n, n), Q symmetric positive semidefinite.
     """

@@ -15,15 +15,21 @@ class Criterion(Protocol):
     """
 
     def value(self, covariance: np.ndarray) -> float:
-        """The criterion at S (n, n)."""
+        """The criterion at S, `covariance` (n, n)."""
         ...
 
     def gradient(self, covariance: np.ndarray) -> np.ndarray:
-        """The weight matrix d value/dS (n, n), symmetric and positive semidefinite: what the costate ends with."""
+        """The weight matrix d value/dS (n, n), symmetric and positive semidefinite: what the costate ends with.
+
+        S is `covariance` (n, n).
+        """
         ...
 
     def smoothing_error(self, covariance: np.ndarray) -> float:
-        """By how much `value` may exceed the criterion that it smooths, at S (n, n); 0 where nothing is smoothed."""
+        """By how much `value` may exceed the criterion that it smooths, at S (n, n); 0 where nothing is smoothed.
+
+        S is `covariance`, (n, n).
+        """
         ...
 
 
@@ -39,13 +45,13 @@ class TraceCriterion:
     weight: np.ndarray
 
     def value(self, covariance: np.ndarray) -> float:
-        """tr(W S) for S (n, n)."""
+        """tr(W S) for S, `covariance` (n, n)."""
         return float(np.vdot(self.weight, covariance))
 
     def gradient(self, covariance: np.ndarray) -> np.ndarray:
-        """W (n, n), whatever S (n, n) is."""
+        """W (n, n), whatever `covariance` (n, n) is."""
         return self.weight
 
     def smoothing_error(self, covariance: np.ndarray) -> float:
-        """0: nothing is smoothed."""
+        """0 for any `covariance` (n, n): nothing is smoothed."""
         return 0.0

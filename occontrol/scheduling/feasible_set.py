@@ -51,15 +51,19 @@ class FeasibleSet(Protocol):
     def places(self) -> int: ...
 
     def vertex(self, gradient: np.ndarray) -> np.ndarray:
-        """The cheapest allowed schedule (N, M), integral: argmin of g.w for g (N, M); ties go to the lowest index."""
+        """The cheapest allowed schedule (N, M), integral: argmin of g.w for g, `gradient` (N, M); on a tie the
+        lowest index."""
         ...
 
     def project(self, weights: np.ndarray) -> np.ndarray:
-        """The policy (N, M) of the set that is nearest to any (N, M)."""
+        """The policy (N, M) of the set that is nearest to any `weights` (N, M)."""
         ...
 
     def excess(self, weights: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """(N,) v.g - min_w w.g, decision by decision, for v and g (N, M): what could still be saved to first order."""
+        """(N,) v.g - min_w w.g, decision by decision: what could still be saved to first order.
+
+        v is `weights` (N, M), g is `gradient` (N, M).
+        """
         ...
 
     def round(self, weights: np.ndarray, backward: bool = False) -> np.ndarray:
@@ -78,15 +82,18 @@ class FeasibleSet(Protocol):
         ...
 
     def face(self, weights: np.ndarray, gradient: np.ndarray, near: float) -> Face:
-        """The face of `weights` (N, M): what is closer than `near` to a bound and pushed there by g (N, M) stays."""
+        """The face of `weights` (N, M): entries within `near` of a bound, to which `gradient` (N, M) pushes, stay."""
         ...
 
     def exchange_masks(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where a sensor's use may end and where one may begin, (N, M) each, for single exchanges on one interval."""
+        """Where a sensor's use may end and where one may begin, (N, M) each, for single exchanges on one interval.
+
+        `weights` (N, M).
+        """
         ...
 
     def swap_mask(self, weights: np.ndarray) -> np.ndarray:
-        """(N-1,) whether intervals k and k+1 of a schedule (N, M) may change places."""
+        """(N-1,) whether intervals k and k+1 of a schedule, `weights` (N, M), may change places."""
         ...
 
     def part(self, first: int, last: int) -> FeasibleSet:
@@ -170,15 +177,15 @@ class IntervalPolytopes(FeasibleSet):
         return np.ones(len(self.upper)) if self.edges is None else np.diff(self.edges)
 
     def vertex(self, gradient: np.ndarray) -> np.ndarray:
-        """The cheapest open weights of every interval, (N, M) for g (N, M)."""
+        """The cheapest open weights (N, M) of every interval for `gradient` (N, M)."""
         return polytope.vertex(gradient, self.upper, self.select)
 
     def project(self, weights: np.ndarray) -> np.ndarray:
-        """v_j = clip(y_j - lam, 0, upper_j) with the sum `select` on every interval, (N, M) for y (N, M)."""
+        """v_j = clip(y_j - lam, 0, upper_j) with the sum `select` on every interval; y is `weights` (N, M)."""
         return polytope.project(weights, self.upper, self.select)
 
     def excess(self, weights: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """(N,) interval by interval, for v and g (N, M)."""
+        """(N,) interval by interval, for `weights` (N, M) and `gradient` (N, M)."""
         return polytope.excess(weights, gradient, self.upper, self.select)
 
     def round(self, weights: np.ndarray, backward: bool = False) -> np.ndarray:
@@ -190,7 +197,7 @@ class IntervalPolytopes(FeasibleSet):
         return polytope.uniform(self.upper, self.select)
 
     def face(self, weights: np.ndarray, gradient: np.ndarray, near: float) -> Face:
-        """The groups are the intervals; weights and g (N, M)."""
+        """The groups are the intervals; `weights` (N, M), `gradient` (N, M)."""
         return Face(*polytope_face(weights, gradient, self.upper, near))
 
     def mixture(
@@ -200,11 +207,11 @@ class IntervalPolytopes(FeasibleSet):
         return polytope.mixture(constants, gradients, last, self.upper, self.select, rounds, wanted)
 
     def exchange_masks(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where one sensor's worth of weight can be taken, and where it finds room, (N, M) each."""
+        """Where one sensor's worth of weight can be taken, and where it finds room, (N, M) each. `weights` (N, M)."""
         return weights > 0.5, weights <= self.upper - 0.5
 
     def swap_mask(self, weights: np.ndarray) -> np.ndarray:
-        """(N-1,) whether what intervals k and k+1 use, rows of (N, M), is available on the other one."""
+        """(N-1,) whether what intervals k and k+1 use, rows of `weights` (N, M), is available on the other one."""
         return np.all((weights[1:] <= self.upper[:-1]) & (weights[:-1] <= self.upper[1:]), axis=1)
 
     def part(self, first: int, last: int) -> IntervalPolytopes:

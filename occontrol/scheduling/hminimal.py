@@ -17,7 +17,7 @@ from occontrol.scheduling.exchange import best_exchanges
 from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.sweep import Sweep
 
-WORK = 2e10  # flops, or their like, that trying exchanges one by one may take
+MOST_FLOPS = 2e10  # flops, or their like, that trying exchanges one by one may take
 
 
 @dataclass
@@ -121,7 +121,7 @@ def polish(
     As many of the best exchanges at once as still lower J, halved until they do; ends when no single exchange does,
     so the result cannot be improved by changing one interval. With a running weight the prediction is only the least
     that an exchange saves; exchanges that it cannot decide are then tried one at a time, in the order of the switching
-    functions, up to WORK.
+    functions, up to MOST_FLOPS.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def _polish_by_trial(
 ) -> SweepOutcome:
     r = sweep.recursion
     v = start.copy()
-    budget = min(4 * r.intervals + 200, int(WORK / (len(r.steps) * (4 * r.states**3 + 500))))
+    budget = min(4 * r.intervals + 200, int(MOST_FLOPS / (len(r.steps) * (4 * r.states**3 + 500))))
     improved, rounds = True, 0
     while improved and budget > 0 and not monitor.stop:
         improved = False

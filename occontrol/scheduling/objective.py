@@ -27,9 +27,9 @@ class Objective(Protocol):
     def states(self) -> int: ...
 
     def cost(self, weights: np.ndarray) -> float:
-        """J of a policy (N, M)."""
+        """J of a policy, `weights` (N, M)."""
         ...
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
-        """J and dJ/dv (N, M) of a policy (N, M)."""
+        """J and dJ/dv (N, M) of a policy, `weights` (N, M)."""
         ...

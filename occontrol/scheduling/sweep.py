@@ -125,14 +125,14 @@ class Sweep:
         return float(np.vdot(r.cost, weights)) + running + final + self._terminal_noise
 
     def cost(self, weights: np.ndarray) -> float:
-        """J of a policy (N, M); one forward sweep."""
+        """J of a policy, `weights` (N, M); one forward sweep."""
         return self._run_forward(self._on_steps(weights), keep=False)
 
     def _on_steps(self, weights: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(self.recursion.on_steps(weights), dtype=float)
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
-        """J and dJ/dv (N, M) of a policy; one forward and one backward sweep."""
+        """J and dJ/dv (N, M) of a policy, `weights` (N, M); one forward and one backward sweep."""
         r, N, size = self.recursion, len(self.recursion.steps), self._segment
         weights = self._on_steps(weights)
         value = self._run_forward(weights, keep=True)

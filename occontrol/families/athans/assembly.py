@@ -158,8 +158,8 @@ _SPOILT = (
     "rounding has spoilt the recursion, its cost is not the sum of its parts: the covariance grows too far between "
     "measurements, use shorter intervals"
 )
-COARSE = 0.1  # of the cost: a difference between recursion and continuous time that is worth a remark
-WEAK = 0.01  # gap at the top that is worth a remark where the gap on the grid is much smaller
+DIFFERENCE_TO_REMARK = 0.1  # of the cost: a difference between recursion and continuous time that is worth a remark
+GAP_TO_REMARK = 0.01  # gap at the top that is worth a remark where the gap on the grid is much smaller
 
 
 def _adds_up(cost: float, observation: float, error: float, running: bool) -> bool:
@@ -185,9 +185,9 @@ def _remark(certificate: Certificate, top: TopNumbers, unfinished: str) -> str:
     """A remark where the grid and continuous time say different things, or one of them nothing."""
     if unfinished:
         return f" The check in continuous time is not computed: {unfinished}"
-    if abs(certificate.cost - top.cost) > COARSE * abs(top.cost):
+    if abs(certificate.cost - top.cost) > DIFFERENCE_TO_REMARK * abs(top.cost):
         return f" The steps are coarse: the recursion puts the cost at {certificate.cost:.6g}; use more intervals."
-    if top.relative_gap > max(WEAK, 2 * certificate.relative_gap):
+    if top.relative_gap > max(GAP_TO_REMARK, 2 * certificate.relative_gap):
         share = f"{100 * certificate.relative_gap:.3g} %"
         return f" With changes at these edges only the gap is {share}: more intervals would bring the two together."
     return ""

@@ -22,7 +22,7 @@ from occontrol.scheduling.bounds import at_least_zero
 from occontrol.scheduling.sweep import Sweep
 
 SAFETY = 5.0
-FEW = 512  # intervals
+SMALL_GRID = 512  # intervals
 RELATIVE = 1e-6
 
 
@@ -42,7 +42,9 @@ def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: 
     """
     estimate, finer, costs = 0.0, problem, [cost]
     extra = _jumps(problem)
-    while len(costs) < 3 or (finer.intervals < FEW and abs(costs[-1] - costs[-2]) > abs(costs[-2] - costs[-3]) / 2):
+    while len(costs) < 3 or (
+        finer.intervals < SMALL_GRID and abs(costs[-1] - costs[-2]) > abs(costs[-2] - costs[-3]) / 2
+    ):
         finer = replace(finer, edges=np.unique(np.concatenate([finer.edges, finer.midpoints, extra])))
         owner = np.searchsorted(problem.edges, finer.midpoints) - 1
         extra = extra[:0]

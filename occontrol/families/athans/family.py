@@ -139,7 +139,10 @@ class AthansFamily(Family):
         return run_filter(problem, _schedule_of(solution), measurements, model or default_model(solution.result), gate)
 
     def online(self, problem: SchedulingProblem, solution: Solution | None = None, method: Any = None) -> MatchedFilter:
-        """The matched filter for a loop on a target, along the solution's schedule."""
+        """The matched filter for a loop on a target, along the solution's schedule.
+
+        Raises UsageError without a solution.
+        """
         from occontrol.families.athans.filter.online import MatchedFilter
 
         if solution is None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from occontrol.scheduling.relaxation import RelaxedOutcome
     from occontrol.scheduling.sweep import Sweep
 
-BESIDE = 500  # steps of a relaxation that only bounds another method's policy
+STEPS_FOR_BOUND = 500  # steps of a relaxation that only bounds another method's policy
 _STALLED = (
     "No step lowers the relaxed cost any more, though the gap is still open: the data span more orders of magnitude "
     "than double precision resolves, for instance where an unstable plant may go unmeasured for long. Shorten the "
@@ -56,7 +56,11 @@ class Found:
 
 
 def relax(
-    sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor, relative_gap: float, max_iterations: int = BESIDE
+    sweep: Sweep,
+    feasible_set: FeasibleSet,
+    monitor: Monitor,
+    relative_gap: float,
+    max_iterations: int = STEPS_FOR_BOUND,
 ) -> Found:
     """The relaxed policy, from which a method takes what it needs.
 

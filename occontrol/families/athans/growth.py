@@ -7,9 +7,9 @@ import numpy as np
 from occontrol.core.errors import Mistake
 from occontrol.core.plant import LinearPlant
 
-MOST = 290.0  # powers of ten; doubles end at 308, and costs are products of a covariance with weights
+MOST_DECADES = 290.0  # powers of ten; doubles end at 308, and costs are products of a covariance with weights
 SAMPLES = 64
-LARGE = 200  # states from which fewer samples have to do
+MANY_STATES = 200  # states from which fewer samples have to do
 
 
 def growth(plant: LinearPlant, edges: np.ndarray) -> float:
@@ -30,7 +30,7 @@ def growth(plant: LinearPlant, edges: np.ndarray) -> float:
     from scipy.linalg import expm
 
     n = plant.states
-    cells = np.linspace(start, end, (SAMPLES if n <= LARGE else 8) + 1)
+    cells = np.linspace(start, end, (SAMPLES if n <= MANY_STATES else 8) + 1)
     phi, total, width = np.eye(n), 0.0, float(cells[1] - cells[0])
     for middle in (cells[1:] + cells[:-1]) / 2:
         A = plant.A.at(float(middle))
@@ -53,7 +53,7 @@ def beyond_numbers(plant: LinearPlant, edges: np.ndarray) -> list[Mistake]:
     edges : (N+1,) times
     """
     power = growth(plant, edges)
-    if power <= MOST:
+    if power <= MOST_DECADES:
         return []
     what = f"the plant grows beyond numbers: unmeasured, its covariance grows 10^{power:.0f} times over the horizon"
     return [Mistake(("plant", "A"), what, "shorten the horizon, or mend the unit of time: A is a rate per unit of it")]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["BestSingle", "Collocation", "Greedy", "HMinimal", "Random", "RelaxRoundPolish", "Relaxed", "RoundRobin"]
 
-SHAKEN = 4  # sweeps of the shaken polish for each of the relaxation's, which cost more
+POLISH_SWEEPS = 4  # sweeps of the shaken polish for each of the relaxation's, which cost more
 STARTS = {"best-single": BestSingle, "round-robin": RoundRobin, "greedy": Greedy, "random": Random}
 _POSITIVE = ("relative_gap", "time_limit")
 _END = {
@@ -118,7 +118,7 @@ class RelaxRoundPolish:
                 inner = in_terms_of(sweep, relaxed)
                 if exact and best.end == "stationary":
                     enough = inner.lower_bound + self.relative_gap * abs(relaxed.cost + best.cost - inner.cost)
-                    spent = SHAKEN * inner.sweeps["gradients"]
+                    spent = POLISH_SWEEPS * inner.sweeps["gradients"]
                     best = shake(sweep, feasible_set, best, enough, spent, self.polish, monitor)
                 if isinstance(judge, Judged):
                     offset = relaxed.cost - inner.cost

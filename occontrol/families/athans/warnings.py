@@ -11,9 +11,9 @@ from occontrol.families.athans.integration.edges import missed_windows
 from occontrol.families.athans.need import need
 from occontrol.families.athans.problem import SchedulingProblem
 
-LARGE = 2 * 2**30  # bytes
+LARGE_BYTES = 2 * 2**30  # bytes
 SAMPLES = 9
-COMPARED = 60  # sensors; among more, each is not compared with every other
+MOST_COMPARED = 60  # sensors; among more, each is not compared with every other
 RANK = 1e-9
 
 
@@ -65,7 +65,7 @@ def _never_better(problem: SchedulingProblem) -> list[Mistake]:
     L_j <= L_i in the order of matrices, q_i <= q_j, at every sampled time.
     """
     count = len(problem.sensors)
-    if problem.select != 1 or not 2 <= count <= COMPARED:
+    if problem.select != 1 or not 2 <= count <= MOST_COMPARED:
         return []
     told = [_information(problem, j) for j in range(count)]
     costs = [np.array([c[0, 0] for c in _samples(s.cost, problem)]) for s in problem.sensors]
@@ -88,7 +88,7 @@ def _never_better(problem: SchedulingProblem) -> list[Mistake]:
 
 def _size(problem: SchedulingProblem) -> list[Mistake]:
     held = need(problem)
-    if held < LARGE:
+    if held < LARGE_BYTES:
         return []
     what = f"a solve will hold about {size(held)} of memory"
     return [Mistake(("horizon",), what, "fewer intervals, or a reduced model of the plant", key=True)]

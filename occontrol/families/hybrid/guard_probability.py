@@ -83,8 +83,10 @@ def guard_transitions(
     Parameters
     ----------
     means, covariances : (modes, n), (modes, n, n)
-    source, target, rows, L, b : the guards, see the head of this file
-    threshold_mean, threshold_covariance, tolerance : see `guard_probability`
+    source, target, rows : (guards,) integers: from which mode, to which, and how many rows; see the head of this file
+    L, b : (guards, v, n + l), (guards, v), padded to the v rows of the longest guard
+    threshold_mean, threshold_covariance : (l,), (l, l)
+    tolerance : see `guard_probability`
 
     Returns
     -------

@@ -163,7 +163,7 @@ def filter_measurements(
     plant : JumpPlant
     sensors : of JumpSensor
     steps : number of steps
-    readings : by step 1 .. steps: (position of the sensor, its values); a value that is NaN is missing
+    readings : by step 1 .. steps: the position of a sensor and its values (m,); a NaN is a missing value
 
     Returns
     -------

@@ -136,7 +136,7 @@ def position_variance(
 
     Parameters
     ----------
-    position : indices of the state that count as position
+    position : (q,) indices of the states that count as position
     log_predicted : (modes,) ln c_j
     covariances, cross, spread : (modes, n, n) P-, (modes, n, p) P- C', overwritten, (modes, p, p) S
     rows, factor : p, and (p, p) of scratch
@@ -173,7 +173,7 @@ def score_groups(
     ----------
     model : JumpModel
     k : step, 1 .. steps
-    means, covariances, log_predicted : of `predict_step`
+    means, covariances, log_predicted : (modes, n), (modes, n, n), (modes,), of `predict_step`
     bound_weight, position_weight : (1, lambda) for the paper's rule, (0, 1) for the expected covariance
 
     Returns
@@ -221,7 +221,7 @@ def filter_runs(
     ----------
     model : JumpModel
     mean, covariance, log_probabilities : (n,), (n, n), (modes,) at k = 0, the same for every mode and run
-    values : (runs, steps, rows of all sensors) what every sensor would read; only the chosen group's rows are looked at
+    values : (runs, steps, rows) what all sensors would read; only the rows of the chosen group are looked at
     choices : (runs, steps) group to use, filled in place where it is negative on entry
     bound_weight, position_weight : see `score_groups`
 

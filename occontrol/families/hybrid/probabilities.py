@@ -12,7 +12,7 @@ SUM_TOLERANCE = 1e-9
 
 
 def check_vector(name: str, vector: np.ndarray, size: int, path: Path, hint: str) -> list[Mistake]:
-    """A finite vector of a given length."""
+    """A finite vector of a given length. `vector` should be (size,)."""
     count = len(vector)
     if count != size:
         what = f"{name} has {count} entr{'y' if count == 1 else 'ies'}, it must have {size}"
@@ -21,7 +21,7 @@ def check_vector(name: str, vector: np.ndarray, size: int, path: Path, hint: str
 
 
 def normalised(rows: np.ndarray) -> np.ndarray:
-    """Distributions (.., outcomes) divided by their sums; those that sum to 1 but for rounding are left alone.
+    """Distributions, `rows` (..., outcomes), divided by their sums; those that sum to 1 up to rounding stay.
 
     So doing it twice is doing it once, and a problem that was written and read again is the same to the last bit.
     """
@@ -31,7 +31,7 @@ def normalised(rows: np.ndarray) -> np.ndarray:
 
 
 def check_distribution(name: str, vector: np.ndarray, outcomes: Sequence[str], path: Path) -> list[Mistake]:
-    """Probabilities: not negative, and summing to 1 within 1e-9."""
+    """Probabilities: not negative, and summing to 1 within 1e-9. `vector` is (outcomes,)."""
     if not np.all(np.isfinite(vector)):
         return [Mistake(path, f"{name} is not finite")]
     if np.any(vector < 0):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from occontrol.families.hybrid.methods import GroupMethod
     from occontrol.families.hybrid.problem import Problem
 
-KEPT = 2_000_000  # entries of the per-run arrays that go into arrays.npz
+MOST_STORED_ENTRIES = 2_000_000  # entries of the per-run arrays that go into arrays.npz
 LARGE_EXCESS = 1e-6  # of the sum of guard probabilities over 1, worth a word
 
 
@@ -178,7 +178,7 @@ def _arrays(
         "covariance": np.concatenate([plant.covariance[None], first.covariances[0]]),
         "mode_probabilities": np.vstack([plant.probabilities, np.exp(first.log_probabilities[0])]),
     }
-    if outcomes.squared.size <= KEPT:
+    if outcomes.squared.size <= MOST_STORED_ENTRIES:
         arrays["position_error"] = np.sqrt(outcomes.squared)
     return arrays
 

@@ -47,7 +47,8 @@ def solution_of(
     Parameters
     ----------
     problem, numbers : the problem and what was found
-    method, status, message, arrays, certificate, iterations : as in Solution
+    method, status, message, certificate, iterations : as in Solution
+    arrays : by name, as in Solution; for example precisions (m,)
     monitor : whose history is kept
     """
     return make_solution(

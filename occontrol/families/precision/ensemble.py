@@ -105,7 +105,9 @@ class Ensemble:
         return Forecast(run.times, mean, centre, moments, members)
 
     def update(self, forecast: Forecast, precisions: np.ndarray, observed: np.ndarray) -> np.ndarray:
-        """Take the batch's measurements (q*m,) in, without those of precision 0; return the covariance (11), (n, n).
+        """Take the measurements of a batch in, without those of precision 0; return the covariance (11), (n, n).
+
+        precisions, observed : (q*m,) each
 
         Perturbed: X + K (y - H(X) + e). Square root: mean + K (y - mean H(X)), anomalies times (I + A_y'SA_y)^(-1/2).
         """

@@ -47,6 +47,8 @@ class Precision(Family):
         Returns a Solution whose status is certified, feasible, limit, interrupted or infeasible (with the smallest
         factor that can be reached). Several batches run one after another against a simulated truth, measured with the
         precisions that were chosen. Raises UsageError for a method of another family.
+
+        Raises ProblemError where the method does not suit the problem.
         """
         from occontrol.families.precision.assemble import assemble
         from occontrol.families.precision.batches import solve_batches

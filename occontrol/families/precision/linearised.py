@@ -27,6 +27,8 @@ def undetectable_modes(transition: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Eigenvalues of modulus 1 or more whose mode no row sees (Popov, Belevitch & Hautus).
 
     rank [mu I - F; C] < n, decided by singular values after scaling the rows to length one.
+
+    `transition` is F (n, n), `rows` is C (m, n).
     """
     n = transition.shape[0]
     lengths = np.linalg.norm(rows, axis=1)

@@ -46,7 +46,7 @@ class Moments:
         return self.measurement.shape[0]
 
     def only(self, index: Sequence[int] | np.ndarray) -> Moments:
-        """The moments of a subset of the measurements."""
+        """The moments of a subset of the measurements. `index` (k,)."""
         index = np.asarray(index, dtype=int)
         anomalies = self.anomalies
         if anomalies is not None:
@@ -69,7 +69,7 @@ class Moments:
 
 
 def moments_of_anomalies(state: np.ndarray, measurement: np.ndarray) -> Moments:
-    """Moments of anomalies (n, N) and (m, N) that already hold the square roots of the weights.
+    """Moments of anomalies `state` (n, N) and `measurement` (m, N) that already hold the square roots of the weights.
 
     P = A_x A_x',  G = A_x A_y',  Y = A_y A_y'
 
@@ -104,7 +104,9 @@ def posterior_covariance(moments: Moments, precisions: np.ndarray) -> np.ndarray
 
 
 def gain(cross: np.ndarray, measurement: np.ndarray, precisions: np.ndarray) -> np.ndarray:
-    """Kalman gain (n, m) for `precisions` (m,), zero columns where the precision is zero.
+    """Kalman gain (n, m), zero columns where the precision is zero.
+
+    `cross` is G (n, m), `measurement` is Y (m, m), `precisions` is the diagonal (m,) of S.
 
     K = G S (I + Y S)^-1 = G S^(1/2) (I + S^(1/2) Y S^(1/2))^-1 S^(1/2)
 
@@ -115,11 +117,13 @@ def gain(cross: np.ndarray, measurement: np.ndarray, precisions: np.ndarray) -> 
 
 
 def square_root_transform(measurement: np.ndarray, precisions: np.ndarray) -> np.ndarray:
-    """Symmetric T (N, N) with anomalies after = anomalies before @ T, for measurement anomalies (m, N).
+    """Symmetric T (N, N) with anomalies after = anomalies before @ T.
 
     T = (I + A_y' S A_y)^(-1/2)
 
     Its square gives exactly equation (11); with mean-centred anomalies T 1 = 1, so the mean stays where it is.
+
+    `measurement` holds anomalies A_y (m, N); `precisions` (m,).
     """
     count = measurement.shape[1]
     eigenvalues, vectors = np.linalg.eigh(
@@ -134,6 +138,8 @@ def printed_blocks(moments: Moments, bound: np.ndarray) -> tuple[np.ndarray, np.
     [[P^d - P, 0], [0, Y^-1]] + sum_i lambda_i f_i f_i' >= 0,  f_i = [g_i; e_i]
 
     Das & Bhattacharya, equation (16). Kept for comparison; the solvers use `solvers.precision_normal`.
+
+    `bound` is P^d (n, n).
     """
     n, m = moments.states, moments.sensors
     constant = np.zeros((n + m, n + m))

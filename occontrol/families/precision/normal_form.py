@@ -73,7 +73,7 @@ class NormalForm:
         return self.constant.shape[0]
 
     def matrix(self, values: np.ndarray) -> np.ndarray:
-        """(r, r) constant + sum_i values_i f_i f_i'."""
+        """(r, r) constant + sum_i values_i f_i f_i' for `values` (m,)."""
         return self.constant + self.factors.T @ (values[:, None] * self.factors)
 
     def lower_bound(self, dual: np.ndarray) -> float:
@@ -125,6 +125,8 @@ def reduced_form(
     """The reduced form on the states spanned by `keep` (n, k); Delta > 0 there (see `precision_feasibility`).
 
     `slack` loosens the bound by that fraction: for programs whose only feasible point is the cap itself.
+
+    `prices` and `caps` are (m,) each.
     """
     delta = (1.0 + slack) * np.eye(keep.shape[1]) - keep.T @ split.residual @ keep
     half = solve_lower(np.linalg.cholesky(delta), keep.T @ split.influence)
@@ -136,7 +138,10 @@ def reduced_form(
 
 
 def factor_form(split: Factored, prices: np.ndarray, caps: np.ndarray) -> NormalForm:
-    """Factor form, valid for any Delta: [[P^d - P, 0], [0, I_r]] + sum_i lambda_i f_i f_i' >= 0, f_i = [g_i; l_i]."""
+    """Factor form, valid for any Delta: [[P^d - P, 0], [0, I_r]] + sum_i lambda_i f_i f_i' >= 0, f_i = [g_i; l_i].
+
+    `prices` (m,) and `caps` (m,).
+    """
     n, r = split.influence.shape
     constant = np.eye(n + r)
     constant[:n, :n] -= split.residual + split.influence @ split.influence.T

@@ -72,7 +72,7 @@ class Program:
         return np.flatnonzero(np.isnan(self.fixed))
 
     def without(self, dropped: np.ndarray) -> Program:
-        """The same program with some sensors (indices) not available."""
+        """The same program without the sensors whose indices are `dropped` (k,)."""
         caps = self.caps.copy()
         caps[dropped] = 0.0
         return replace(self, caps=caps)
@@ -117,7 +117,10 @@ class Outcome:
 
 
 def relative_margin(posterior: np.ndarray, bound: np.ndarray) -> float:
-    """Smallest eigenvalue of I - C^-1 Sigma+ C^-T with P^d = C C': positive when the bound is met."""
+    """Smallest eigenvalue of I - C^-1 Sigma+ C^-T with P^d = C C': positive when the bound is met.
+
+    `posterior` is Sigma+ (n, n), `bound` is P^d (n, n).
+    """
     root = np.linalg.cholesky(bound)
     scaled = solve_lower(root, solve_lower(root, posterior).T)
     return 1.0 - float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[-1])
@@ -153,6 +156,8 @@ def solve_program(
     tolerance : what the solver aims at
 
     A barrier that stalls above `relative_gap` is followed by Clarabel where that is small enough; the better counts.
+
+    Raises ProblemError where the matrix inequality has too many rows for the route.
     """
     monitor = monitor or Monitor()
     split, verdict, _ = examine(program)

@@ -86,12 +86,12 @@ class Pruned:
 
 
 def shares(program: Program, precisions: np.ndarray) -> np.ndarray:
-    """(m,) lambda_i Y_ii, the signal to noise ratio of every measurement: a pure number."""
+    """(m,) lambda_i Y_ii, the signal to noise ratio of every measurement, a pure number; `precisions` lambda (m,)."""
     return precisions * np.diag(program.moments.measurement)
 
 
 def active(program: Program, precisions: np.ndarray) -> np.ndarray:
-    """Indices of the measurements that are in use."""
+    """Indices of the measurements that `precisions` (m,) put to use."""
     share = shares(program, precisions)
     return np.flatnonzero(share > ACTIVE * np.max(share, initial=0.0))
 
@@ -109,8 +109,8 @@ def prune(
 
     Parameters
     ----------
-    groups : index arrays into the measurements; groups with fixed precisions should be left out
-    spared : whether the plant can do with these measurements (indices) alone; always, if None
+    groups : arrays (k,) of indices of measurements; groups with fixed precisions should be left out
+    spared : whether the plant can do with these measurements alone, indices (k,); always, if None
     """
     monitor = monitor or Monitor()
     assert first.precisions is not None
@@ -173,6 +173,8 @@ def best_set(
 
     With `sensors` None the smallest number that can meet the bound is found first. A node's bound is the program where
     every sensor that is not yet ruled out may be used: it can only be cheaper.
+
+    `groups` holds arrays (k,) of indices of measurements; `spared` takes such an array (k,).
     """
     monitor = monitor or Monitor()
     if sensors is None:

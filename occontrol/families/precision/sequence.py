@@ -77,14 +77,17 @@ def simulate_truth(plant: NonlinearPlant, measurement: NonlinearMeasurement, ste
 
 
 def observe(values: np.ndarray, precisions: np.ndarray, generator: np.random.Generator) -> np.ndarray:
-    """Noisy measurements (q*m,) of noise-free values with the given precisions; NaN where nothing is measured."""
+    """Noisy measurements of noise-free `values` with `precisions`, (q*m,) each; NaN where nothing is measured."""
     used = precisions > 0
     noise = generator.standard_normal(len(values)) / np.sqrt(np.where(used, precisions, 1.0))
     return np.where(used, values + noise, np.nan)
 
 
 def innovation_squared(forecast: Forecast, precisions: np.ndarray, observed: np.ndarray) -> float:
-    """nu' (Y + R)^-1 nu over the measurements in use; chi-squared with as many degrees for a linear plant."""
+    """nu' (Y + R)^-1 nu over the measurements in use; chi-squared with as many degrees for a linear plant.
+
+    `precisions` (q*m,), `observed` (q*m,).
+    """
     used = np.flatnonzero(precisions > 0)
     if not len(used):
         return float("nan")

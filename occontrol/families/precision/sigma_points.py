@@ -35,7 +35,7 @@ def weights(size: int, alpha: float, beta: float, kappa: float) -> tuple[np.ndar
 
 
 def square_root(covariance: np.ndarray) -> np.ndarray:
-    """A root A (n, n) with A A' = covariance: Cholesky's, or for a singular matrix the scaled symmetric one.
+    """A root A (n, n) with A A' = `covariance` (n, n): Cholesky's, or for a singular matrix the scaled symmetric one.
 
     The scaling to unit diagonal keeps variances of 1e-16 beside those of 1e2.
     """
@@ -59,6 +59,8 @@ def sigma_points(mean: np.ndarray, covariance: np.ndarray, alpha: float, kappa: 
 
     X_i = mu +- (sqrt((n_a + rho) Sigma))_i, columns of `square_root`, which does not mind the units of the states.
     Das & Bhattacharya, section 3.3 (their index i - nq is i - n_a).
+
+    `mean` (n_a,), `covariance` Sigma (n_a, n_a).
     """
     root = square_root(covariance) * np.sqrt(spread(len(mean), alpha, kappa))
     return np.hstack([mean[:, None], mean[:, None] + root, mean[:, None] - root])

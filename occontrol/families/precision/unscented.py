@@ -65,7 +65,10 @@ class Unscented:
         self.mean, self.covariance = plant.mean, plant.covariance
 
     def forecast(self, batch: int) -> Forecast:
-        """Moments of x_{k+q} and y_{k+1} .. y_{k+q}; (12), (13). The filter stands at k+q afterwards."""
+        """Moments of x_{k+q} and y_{k+1} .. y_{k+q}; (12), (13). The filter stands at k+q afterwards.
+
+        Raises ProblemError where kappa leaves the points no spread.
+        """
         options, n = self.options, self.plant.states
         root = sigma_points.noise_root(self.plant.noise)
         width = root.shape[1]
@@ -88,7 +91,9 @@ class Unscented:
         return Forecast(run.times, mean[:n], mean[n:], moments_of_anomalies(anomalies[:n], anomalies[n:]))
 
     def update(self, forecast: Forecast, precisions: np.ndarray, observed: np.ndarray) -> np.ndarray:
-        """Take the batch's measurements (q*m,) in, without those of precision 0; return the covariance (11), (n, n)."""
+        """Take the measurements of a batch in, without those of precision 0; return the covariance (11), (n, n).
+
+        precisions, observed : (q*m,) each"""
         moments: Moments = forecast.moments
         precisions = np.asarray(precisions, dtype=float)
         kalman = gain(moments.cross, moments.measurement, precisions)

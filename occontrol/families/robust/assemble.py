@@ -40,7 +40,8 @@ def solution_of(
     Parameters
     ----------
     problem, numbers : the problem and what was found
-    method, status, message, arrays, schedule, certificate, iterations : as in Solution
+    method, status, message, schedule, certificate, iterations : as in Solution
+    arrays : by name, as in Solution; for example edges (N+1,)
     monitor : whose history is kept
     """
     return make_solution(
@@ -92,7 +93,7 @@ def sequence_solution(
     method, status, message, monitor : name, how it ended, and who watched
     lower_bound : proven
     numbers : further fields of SequenceResult that the method states
-    arrays : what the method adds
+    arrays : what the method adds, by name, for example weights (N, M)
     """
     plant, edges, names = problem.plant, problem.edges, tuple(problem.sensors.names)
     sequence = [int(i) for i in sequence]

@@ -42,7 +42,10 @@ class Plane:
 
 
 def mixed_elements(slots: Slots, weights: np.ndarray, first: int = 0) -> Element:
-    """Elements (N, M, n, n), complex: their real part is slot k under shares v_k, the imaginary one STEP d/dv_kj."""
+    """Elements (N, M, n, n), complex: their real part is slot k under shares v_k, the imaginary one STEP d/dv_kj.
+
+    `weights` v (N - first, M).
+    """
     M, free = slots.sensors, slots.free
     directions = weights[first:, None, :] + 1j * STEP * np.eye(M)
     found = []
@@ -63,9 +66,10 @@ class Walk:
 
 
 def walk(slots: Slots, weights: np.ndarray, start: np.ndarray, first: int = 0, power: float = np.inf) -> Walk:
-    """Size at the end and its exact derivative in the shares (N - first, M), from N at edge `first`.
+    """Size at the end and its exact derivative in the shares.
 
-    `power` picks the supporting function of a size with a kink, see `Size.support`.
+    `weights` are the shares (N - first, M), `start` is N (n, n) at edge `first`. `power` picks the supporting function
+    of a size with a kink, see `Size.support`.
     """
     return _walk(slots, weights, start, first, Supported(slots.size, slots.level, power))
 
@@ -101,7 +105,8 @@ def plane_of(
 
     Parameters
     ----------
-    slots, weights, path, first : of the walk
+    slots, path, first : of the walk
+    weights : (N - first, M), of the walk
     allowed : FeasibleSet of the choices (N - first, M) that the plane holds for; all of them if left out
     """
     count = slots.count
@@ -145,7 +150,7 @@ class ExactSweep:
         return len(self.start)
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
-        """The size at the end and its gradient (N - first, M)."""
+        """The size at the end and its gradient, (N - first, M), at `weights` (N - first, M)."""
         full = np.concatenate([np.zeros((self.first, self.slots.sensors)), weights])
         smoothed = Smoothed(self.slots.size, self.slots.level, self.power)
         path = _walk(self.slots, full, self.start, self.first, smoothed)
@@ -153,7 +158,7 @@ class ExactSweep:
         return path.value, path.gradient
 
     def cost(self, weights: np.ndarray) -> float:
-        """The size at the end."""
+        """The size at the end for `weights` (N - first, M)."""
         return self.cost_and_gradient(weights)[0]
 
 
@@ -161,6 +166,8 @@ def split_recursion(slots: Slots, terminal: np.ndarray, panels: int = PANELS) ->
     """The Recursion of the common kernel for N: predict with A + BB'X, update with each C_j, every slot in equal parts.
 
     Returns the Recursion and the number of parts of a slot.
+
+    `terminal` is the weight (n, n) on N at the end.
     """
     parts = max(1, int(np.ceil(panels / slots.count)))
     n, M, flow = slots.start.shape[0], slots.sensors, slots.flow
@@ -247,5 +254,5 @@ def _better(slots: Slots, v: np.ndarray, power: float, best):
 
 
 def value_of(plane: Plane, edge: int, ordinary: np.ndarray) -> float:
-    """The plane's bound at one N (n, n)."""
+    """The plane's bound at one N, `ordinary` (n, n)."""
     return float(plane.constant[edge] - np.sum(plane.slope[edge] * np.linalg.inv(ordinary)))

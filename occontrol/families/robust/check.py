@@ -45,7 +45,7 @@ def integrate(
     flow : Flow, for its signals
     edges : (N+1,) slot edges
     sequence : (N,) sensors, None for no sensor
-    weight, center, level : X0, x0, d
+    weight, center, level : X0 (n, n), x0 (n,), d
     size : Size
     """
     from scipy.integrate import solve_ivp

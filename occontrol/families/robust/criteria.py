@@ -41,11 +41,11 @@ class Smoothed(_SizeCriterion):
     power: float
 
     def linearised(self, covariance: np.ndarray) -> tuple[float, np.ndarray]:
-        """The smoothed size and its gradient (n, n) at P (n, n)."""
+        """The smoothed size and its gradient (n, n) at P, `covariance` (n, n)."""
         return self.size.smooth(covariance, self.level, self.power)
 
     def smoothing_error(self, covariance: np.ndarray) -> float:
-        """By how much it exceeds the size at P (n, n)."""
+        """By how much it exceeds the size at P, `covariance` (n, n)."""
         return self.value(covariance) - float(self.size.value(covariance, self.level))
 
 
@@ -65,9 +65,9 @@ class Supported(_SizeCriterion):
     power: float = np.inf
 
     def linearised(self, covariance: np.ndarray) -> tuple[float, np.ndarray]:
-        """The supporting function of P (n, n) at P, and its gradient (n, n)."""
+        """The supporting function at P, `covariance` (n, n), and its gradient (n, n)."""
         return self.size.support(covariance, self.level, self.power)
 
     def smoothing_error(self, covariance: np.ndarray) -> float:
-        """0: it never exceeds the size."""
+        """0 for any `covariance` (n, n): it never exceeds the size."""
         return 0.0

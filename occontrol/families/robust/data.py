@@ -21,7 +21,7 @@ SUBSTEPS = 8  # Runge-Kutta steps between two samples
 
 
 def sample_grid(edges: np.ndarray, samples: int) -> np.ndarray:
-    """Edges and, in between, equally spaced sampling times: (N*samples + 1,)."""
+    """The `edges` (N+1,) and, in between, equally spaced sampling times: (N*samples + 1,)."""
     share = np.arange(samples) / samples
     return np.append((edges[:-1, None] + np.diff(edges)[:, None] * share).ravel(), edges[-1])
 
@@ -44,9 +44,11 @@ def simulate_admissible(
     ----------
     flow, plant : the plant, its sensors and its energy
     names : sensor names
-    edges, sequence : slots and their sensors
+    edges, sequence : (N+1,) slot edges, (N,) their sensors
     samples : per slot
     seed : of the generator
+
+    Raises SolveFailed where held samples differ from the output by more energy than the level allows.
     """
     grid = sample_grid(edges, samples)
     factor = 1.0
@@ -124,7 +126,8 @@ def filter_samples(
 
     Parameters
     ----------
-    flow, plant, names, edges, sequence, samples : as in `simulate_admissible`
+    flow, plant, names, samples : as in `simulate_admissible`
+    edges, sequence : (N+1,) slot edges, (N,) their sensors
     measurements : in any order; a missing one leaves its interval without information
 
     Returns Estimate: mean is the center, standard_deviation the half width of the set along every state, covariance the

@@ -48,7 +48,7 @@ class Size:
         return len({self._degree(name, states) for name, _ in self.terms}) == 1
 
     def value(self, P: np.ndarray, level: float | np.ndarray) -> np.ndarray:
-        """Sizes (...,) of shapes P (..., n, n) and levels d (...,)."""
+        """Sizes (...,) of shapes P (..., n, n) and `level` d (...,)."""
         total = np.zeros(P.shape[:-2])
         for name, weight in self.terms:
             total = total + weight * _value(name, P, level)

@@ -25,7 +25,7 @@ SHORTEST = 1e-6  # of a span, relative: below it the zero is bracketed instead o
 
 
 def smallest(matrix: np.ndarray) -> float:
-    """The smallest eigenvalue of a symmetric matrix."""
+    """The smallest eigenvalue of a symmetric `matrix` (n, n)."""
     return float(np.linalg.eigvalsh((matrix + matrix.T) / 2)[0])
 
 
@@ -33,6 +33,8 @@ def free_weights(flow: Flow, edges: np.ndarray) -> np.ndarray | None:
     """X (N+1, n, n) at the edges, X(T) = 0, without sensors; None when it escapes on the way back to edges[0].
 
     -dX/dt = A'X + X A + K'K + X BB' X
+
+    `edges` (N+1,).
     """
     (F, Q, R), exists = flow.free_elements(edges[:-1], edges[1:])
     if not np.all(exists):
@@ -49,7 +51,10 @@ def free_weights(flow: Flow, edges: np.ndarray) -> np.ndarray | None:
 
 
 def margin(P: np.ndarray, R: np.ndarray) -> float:
-    """The smallest eigenvalue of I + G'R G, P = G G': P escapes over the span when it reaches zero."""
+    """The smallest eigenvalue of I + G'R G, P = G G': P escapes over the span when it reaches zero.
+
+    P and R are (n, n) each, G too.
+    """
     values, vectors = np.linalg.eigh((P + P.T) / 2)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     return smallest(np.eye(len(P)) + root.T @ R @ root)
@@ -174,7 +179,10 @@ def _bracket(flow: Flow, P: np.ndarray, t: float, end: float, sensor: int | None
 
 
 def gain_that_fits(flow: Flow, weight: np.ndarray, edges: np.ndarray) -> float:
-    """The supremum of the factors f <= 1 on K for which the plant is uniformly robustly observable on [t0, T]."""
+    """The supremum of the factors f <= 1 on K for which the plant is uniformly robustly observable on [t0, T].
+
+    `weight` is X0 (n, n), `edges` (N+1,).
+    """
     low, high = 0.0, 1.0
     while high - low > 1e-9:
         factor = (low + high) / 2
@@ -187,7 +195,7 @@ def gain_that_fits(flow: Flow, weight: np.ndarray, edges: np.ndarray) -> float:
 
 
 def first_lost(flow: Flow, edges: np.ndarray) -> float | None:
-    """The time at which X, followed back from edges[-1], escapes; None when it lives to edges[0]."""
+    """The time at which X, followed back from edges[-1], escapes; None when it lives to edges[0]. `edges` (N+1,)."""
     start, end = float(edges[0]), float(edges[-1])
     if free_weights(flow, edges) is not None:
         return None

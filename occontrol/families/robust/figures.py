@@ -18,8 +18,8 @@ from occontrol.families.robust.result import SequenceResult, SharesResult, numbe
 from occontrol.families.robust.sampling import Truths, sample_truths
 from occontrol.files.figures import panels, style
 
-SHOWN = 8  # ellipsoids
-TRUTHS = 150  # sampled admissible truths
+MOST_ELLIPSOIDS = 8  # ellipsoids
+SAMPLED_TRUTHS = 150  # sampled admissible truths
 MOST_SLOTS = 200  # no truths are sampled beyond
 
 
@@ -152,7 +152,7 @@ def _truths(problem: Problem, solution: Solution) -> Truths | None:
         return None
     steps = int(np.clip(400 // problem.slots, 4, 40))
     sequence = sequence_of(solution)
-    return sample_truths(problem.flow, problem.plant, problem.edges, sequence, TRUTHS, 0, steps)
+    return sample_truths(problem.flow, problem.plant, problem.edges, sequence, SAMPLED_TRUTHS, 0, steps)
 
 
 def _ellipsoids(figure: Figure, axes: Axes, problem: Problem, solution: Solution, plane: tuple[int, int]) -> None:
@@ -165,7 +165,7 @@ def _ellipsoids(figure: Figure, axes: Axes, problem: Problem, solution: Solution
             axes.plot(away[:, r, i], away[:, r, j], color="#c8c8c8", linewidth=0.3, zorder=1)
     circle = np.linspace(0, 2 * np.pi, 181)
     points = np.array([np.cos(circle), np.sin(circle)])
-    for k in np.unique(np.linspace(0, len(a["fine_times"]) - 1, SHOWN).astype(int)):
+    for k in np.unique(np.linspace(0, len(a["fine_times"]) - 1, MOST_ELLIPSOIDS).astype(int)):
         part = a["fine_shape"][k][np.ix_([i, j], [i, j])] * a["fine_level"][k]
         outline = np.linalg.cholesky((part + part.T) / 2 + 1e-300 * np.eye(2)) @ points
         time = a["fine_times"][k]
@@ -206,7 +206,8 @@ def _states(problem: Problem, solution: Solution) -> Figure:
         axes.plot(a["fine_times"], half[:, i], color=style.ACCENT, label="bound")
         if truths is not None:
             reached = np.max(np.abs((truths.states - truths.centers)[:, :, i]), axis=1)
-            axes.plot(truths.times, reached, color=style.SECOND, linewidth=1.2, label=f"largest of {TRUTHS} truths")
+            label = f"largest of {SAMPLED_TRUTHS} truths"
+            axes.plot(truths.times, reached, color=style.SECOND, linewidth=1.2, label=label)
         if i == 0:
             axes.legend(loc="upper right", ncols=2)
         axes.set_ylabel(f"x{i + 1}")

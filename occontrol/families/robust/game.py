@@ -93,7 +93,7 @@ def center_weight(X: np.ndarray, P: np.ndarray) -> np.ndarray:
 
 
 def ordinary_start(weight: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """N(0) = (X0 - X(0))^-1 (n, n) from X0 and X(0); needs X(0) < X0."""
+    """N(0) = (X0 - X(0))^-1 (n, n) from `weight` X0 (n, n) and X(0) (n, n); needs X(0) < X0."""
     N = np.linalg.inv(weight - X)
     return (N + N.T) / 2
 
@@ -105,7 +105,7 @@ def from_ordinary(N: np.ndarray, X: np.ndarray) -> np.ndarray:
 
 
 def ordinary_elements(element: Element, X_start: np.ndarray, X_end: np.ndarray) -> Element:
-    """The span element of N from that of P, with X at both ends of the span; batches welcome.
+    """The span element of N from that of P, with X at both ends of the span: X_start, X_end (..., n, n).
 
     F_N = (I - Q X1)^-1 F,   Q_N = (I - Q X1)^-1 Q,   R_N = X0 + R - F' X1 (I - Q X1)^-1 F
     """

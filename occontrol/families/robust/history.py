@@ -49,7 +49,7 @@ def history(
     flow : Flow
     edges : (N+1,) slot edges
     sequence : (N,) sensors
-    weight, center, level : X0, x0, d
+    weight, center, level : X0 (n, n), x0 (n,), d
     size : Size
     parts : times per slot; 0 chooses
     """

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from occontrol.families.robust.slots import Slots
 
 ROUNDING = 1e-9  # relative, between two walks along one sequence
-RANKED = 10_000  # sequences of `all` that result.json lists
+MOST_RANKED = 10_000  # sequences of `all` that result.json lists
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class All(SwitchingMethod):
         names = problem.sensors.names
         ranking: list[Mapping[str, Any]] = [
             {"cost": float(c), "sequence": [names[i] for i in s]}
-            for c, s in zip(costs[:RANKED], sequences[:RANKED], strict=True)
+            for c, s in zip(costs[:MOST_RANKED], sequences[:MOST_RANKED], strict=True)
         ]
         count, worst = len(costs), float(costs[-1])
         return sequence_solution(

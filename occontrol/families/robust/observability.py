@@ -17,7 +17,7 @@ from occontrol.families.robust.result import UnobservableResult
 if TYPE_CHECKING:
     from occontrol.families.robust.problem import Problem
 
-BEYOND = 20.0  # horizons that a time-varying plant is followed for its observability horizon
+MOST_HORIZONS = 20.0  # horizons that a time-varying plant is followed for its observability horizon
 
 
 def observability(problem: Problem) -> tuple[float | None, float | None]:
@@ -32,7 +32,7 @@ def observability(problem: Problem) -> tuple[float | None, float | None]:
     start, end = float(problem.edges[0]), float(problem.edges[-1])
     if problem.plant_flow.constant:
         return horizon(problem.plant_flow, problem.plant.weight, start), None
-    limit = start + BEYOND * (end - start)
+    limit = start + MOST_HORIZONS * (end - start)
     try:
         return horizon(problem.plant_flow, problem.plant.weight, start, limit), limit
     except SolveFailed:  # the formulas end somewhere beyond the problem's own horizon

@@ -58,7 +58,7 @@ def sample_truths(
     Parameters
     ----------
     flow, plant : the plant and its sensors, its energy
-    edges, sequence : slots and their sensors
+    edges, sequence : (N+1,) slot edges, (N,) their sensors
     count : R
     seed : of the generator
     steps : Runge-Kutta steps per slot

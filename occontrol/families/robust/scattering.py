@@ -48,7 +48,7 @@ def _block(A: np.ndarray, W: np.ndarray, S: np.ndarray) -> np.ndarray:
 
 
 def magnus_step(H: np.ndarray) -> np.ndarray:
-    """Transfer matrices of sixth order from h times the Hamiltonian matrices at the INNER points, (K, 3, 2n, 2n)."""
+    """Transfer matrices of sixth order from H (K, 3, 2n, 2n): h times the Hamiltonian matrices at the INNER points."""
     first, second, third = H[:, 0], H[:, 1], H[:, 2]
     a1, a2, a3 = second, np.sqrt(15) / 3 * (third - first), 10 / 3 * (third - 2 * second + first)
     c1 = a1 @ a2 - a2 @ a1
@@ -112,7 +112,8 @@ class Flow:
         """Units of the states (T, n) in which the spans' Hamiltonian matrices are small: powers of two.
 
         P is D P D in them. A strong sensor makes the flow fast only by the root of its strength, or less, in the right
-        units; in the user's units a step would have to be a million times shorter.
+        units; in the user's units a step would have to be a million times shorter. `starts` (T,), `ends` (T,),
+        `weights` (T, M).
         """
         used, which = np.unique(np.abs(np.real(weights)), axis=0, return_inverse=True)
         if len(used) > MOST_SCALES:
@@ -128,7 +129,7 @@ class Flow:
         return np.array(found)[which.ravel()]
 
     def exponents(self, times: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Scaled Hamiltonian matrices (T, 2n, 2n) and the size of their parts (T,); weights (T, M), scale (T, n)."""
+        """Hamiltonian matrices (T, 2n, 2n) and sizes (T,) at `times` (T,) for `weights` (T, M), in `scale` (T, n)."""
         A, W, KK, L = self._parts if self.constant else self._sample(times)
         S = KK - np.einsum("tm,tmij->tij", weights, np.broadcast_to(L, (len(times), *L.shape[1:])))
         both = scale[:, :, None] * scale[:, None, :]
@@ -146,7 +147,7 @@ class Flow:
     def free_elements(self, starts: np.ndarray, ends: np.ndarray) -> tuple[Element, np.ndarray]:
         """Elements of many spans without a sensor, and (T,) whether P = 0 at the start survives each of them.
 
-        Where it does not, X does not exist on the span, and the element has no meaning.
+        `starts` (T,), `ends` (T,). Where it does not, X does not exist on the span, and the element has no meaning.
         """
         starts, ends = np.atleast_1d(np.asarray(starts, dtype=float)), np.atleast_1d(np.asarray(ends, dtype=float))
         exists = np.ones(len(starts), dtype=bool)
@@ -181,7 +182,11 @@ class Flow:
     def partition(
         self, starts, ends, weights: np.ndarray, scale: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Transfer matrix (K, 2n, 2n), start, length and span of every step that is short enough, in order."""
+        """Transfer matrix (K, 2n, 2n), start, length and span of every step that is short enough, in order.
+
+        `starts` and `ends` (T,) are the spans, with `weights` (T, M) and `scale` (T, n).
+        Raises SolveFailed where the flow is not finite or needs too many steps.
+        """
         a, b, owner = self._initial_pieces(starts, ends, weights, scale)
         done: list[tuple[np.ndarray, ...]] = []
         total = 0
@@ -275,7 +280,10 @@ class Flow:
         return magnus_step(H)
 
     def reduce(self, pieces: Element, owner: np.ndarray, count: int, exists: np.ndarray | None) -> Element:
-        """The star product of every owner's pieces, in pairs."""
+        """The star product of every owner's pieces, in pairs.
+
+        `owner` (K,) is the span of every piece; `exists` (T,) is set to False where an element is lost.
+        """
         sizes = np.bincount(owner, minlength=count)
         width = 1 << max(0, int(np.max(sizes) - 1).bit_length())
         place = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)

@@ -86,7 +86,7 @@ class _Shifted(Signal):
 
 
 def initial_states(start: float, center: np.ndarray, weight: np.ndarray, level: float) -> PossibleStates:
-    """The set before any measurement: X0, x0, d."""
+    """The set before any measurement: `weight` X0 (n, n), `center` x0 (n,), level d."""
     return PossibleStates(start, np.asarray(center, dtype=float), np.asarray(weight, dtype=float), float(level))
 
 

@@ -62,11 +62,11 @@ class Slots:
         return self.element[0].shape[1]
 
     def of(self, slot: int, sensors: np.ndarray | int) -> Element:
-        """The elements of one slot with the given sensors."""
+        """The elements of one slot with the given sensors. `sensors` is one position or (k,) positions."""
         return tuple(part[slot, sensors] for part in self.element)  # type: ignore[return-value]
 
     def tail(self, slot: int, start: np.ndarray, level: float) -> Slots:
-        """The problem from `slot` on, with another N there and another level."""
+        """The problem from `slot` on, with another N there and another level. `start` is that N (n, n)."""
         element = tuple(part[slot:] for part in self.element)
         return Slots(self.flow, self.edges[slot:], self.free[slot:], start, element, self.size, level)  # type: ignore[arg-type]
 
@@ -89,7 +89,7 @@ class Slots:
         return self.size.value(N, self.level)
 
     def cost(self, sequence: Sequence[int] | np.ndarray) -> float:
-        """The size at the end of one sequence."""
+        """The size at the end of one sequence. `sequence` (N,)."""
         return float(self.costs(np.asarray(sequence, dtype=int).reshape(1, -1))[0])
 
 
@@ -141,6 +141,8 @@ def one_step(slots: Slots, weight: np.ndarray, center: np.ndarray, level: float)
 
     c_i = size(P^i(t_{j+1}), d + x0'Y(0)x0) with Y(t_{j+1}) = 0, so the level grows with j.
     Savkin, Evans & Skafidas, theorem 4.1.
+
+    `weight` X0 (n, n), `center` x0 (n,).
     """
     P, picked = np.linalg.inv(weight), []
     everything = np.tile(np.eye(slots.sensors), (slots.count, 1))

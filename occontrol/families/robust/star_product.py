@@ -9,12 +9,12 @@ Element = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def transpose(a: np.ndarray) -> np.ndarray:
-    """The matrices (..., n, n) transposed."""
+    """The matrices `a` (..., n, n) transposed."""
     return np.swapaxes(a, -1, -2)
 
 
 def even(a: np.ndarray) -> np.ndarray:
-    """The symmetric part of matrices (..., n, n)."""
+    """The symmetric part of matrices `a` (..., n, n)."""
     return (a + transpose(a)) / 2
 
 
@@ -50,14 +50,17 @@ def star_checked(first: Element, second: Element, exists: np.ndarray | None) -> 
 
 
 def advance(P: np.ndarray, element: Element) -> np.ndarray:
-    """P at the end of the span:  Q + F P (I + R P)^-1 F'   (P may be singular)."""
+    """P at the end of the span:  Q + F P (I + R P)^-1 F'   (P (..., n, n) may be singular)."""
     F, Q, R = element
     inner = np.linalg.solve(np.eye(P.shape[-1]) + P @ R, P)
     return even(Q + F @ even(inner) @ transpose(F))
 
 
 def retreat(P: np.ndarray, weight: np.ndarray, element: Element) -> np.ndarray:
-    """Adjoint of `advance`: the gradient before the span of <weight, P after>, at the P before."""
+    """Adjoint of `advance`: the gradient before the span of <weight, P after>, at the P before.
+
+    P and `weight` are (..., n, n).
+    """
     F, _, R = element
     J = F @ np.linalg.inv(np.eye(P.shape[-1]) + P @ R)
     return even(transpose(J) @ weight @ J)
@@ -69,14 +72,14 @@ def identity(n: int, batch: tuple[int, ...] = ()) -> Element:
 
 
 def from_transfer(M: np.ndarray) -> Element:
-    """(F, Q, R) from the 2n x 2n transfer matrix of the Hamiltonian system."""
+    """(F, Q, R) from the transfer matrix M (..., 2n, 2n) of the Hamiltonian system."""
     n = M.shape[-1] // 2
     inverse = np.linalg.inv(M[..., n:, n:])
     return transpose(inverse), even(M[..., :n, n:] @ inverse), even(inverse @ M[..., n:, :n])
 
 
 def exponential(H: np.ndarray) -> np.ndarray:
-    """exp of many small matrices at once: the [9/9] Pade quotient, exact to rounding for 1-norms up to 2."""
+    """exp of many small H (..., k, k) at once: the [9/9] Pade quotient, exact to rounding for 1-norms up to 2."""
     if np.max(np.sum(np.abs(H), axis=-2), initial=0.0) > 2.0:
         return expm(H)
     c = (17643225600, 8821612800, 2075673600, 302702400, 30270240, 2162160, 110880, 3960, 90, 1)

@@ -17,9 +17,9 @@ from occontrol.families.robust.bound import ExactSweep, Plane, plane_of, value_o
 from occontrol.families.robust.slots import Slots
 from occontrol.scheduling.feasible_set import IntervalPolytopes
 
-DEEPEST = 8  # slots of a tail
-MOST = 24  # tails
-STEPS = 25  # of each relaxation
+LONGEST_TAIL = 8  # slots of a tail
+MOST_TAILS = 24  # tails
+RELAXATION_STEPS = 25  # of each relaxation
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def branch_on_tails(
     Parameters
     ----------
     slots : Slots
-    weights, plane, bound : the relaxation of the whole problem
+    weights, plane, bound : (N, M), and the plane and bound there: the relaxation of the whole problem
     cost : the best known size; tails that cannot beat it are left out
     target : relative gap below which branching ends
     monitor : for time and interruption
@@ -56,11 +56,11 @@ def branch_on_tails(
     Returns the tails, one of length zero when branching does not pay.
     """
     tails = [Tail((), weights, (plane,), bound)]
-    for depth in range(1, min(DEEPEST, slots.count - 1) + 1):
+    for depth in range(1, min(LONGEST_TAIL, slots.count - 1) + 1):
         least = min(tail.bound for tail in tails)
         if (
             cost - least <= target * abs(cost)
-            or len(tails) * slots.sensors > slots.spans.affordable(MOST)
+            or len(tails) * slots.sensors > slots.spans.affordable(MOST_TAILS)
             or monitor.stop
         ):
             break
@@ -83,7 +83,7 @@ def _child(slots: Slots, parent: Tail, sensor: int, depth: int, monitor: Monitor
     weights = parent.weights.copy()
     weights[slot] = upper[slot]
     sweep, allowed, watch = ExactSweep(slots, slots.start), IntervalPolytopes(upper, 1), monitor.child(silent=True)
-    options = RelaxedOptions(1e-4, slots.spans.affordable(STEPS))
+    options = RelaxedOptions(1e-4, slots.spans.affordable(RELAXATION_STEPS))
     weights = minimise_relaxed(sweep, allowed, weights, options, watch).weights
     power = sweep.power if slots.size.has_kink else np.inf
     plane = plane_of(slots, weights, walk(slots, weights, slots.start, power=power), allowed=allowed)

@@ -57,7 +57,10 @@ class CandidateSet:
 
     @cached_property
     def places(self) -> list[list[np.ndarray | None]]:
-        """The locations of every sensor that may be chosen in any epoch; [None] for one that cannot move."""
+        """The locations of every sensor that may be chosen in any epoch; [None] for one that cannot move.
+
+        Raises InfeasibleError where no grid point of a sensor is allowed.
+        """
         options: list[list[np.ndarray | None]] = []
         for sensor in self.plant.sensors:
             region = sensor.sensor.location
@@ -76,7 +79,10 @@ class CandidateSet:
 
     @cached_property
     def candidates(self) -> list[Candidate]:
-        """Groups in lexicographic order, locations of a group in the order of the grid."""
+        """Groups in lexicographic order, locations of a group in the order of the grid.
+
+        Raises SolveFailed where there are too many to search.
+        """
         groups = subsets(len(self.plant.sensors), self.select)
         count = np.inf if groups is None else sum(np.prod([len(self.places[j]) for j in g]) for g in groups)
         if groups is None or count > MOST_SUBSETS:
@@ -96,7 +102,10 @@ class CandidateSet:
 
     @cached_property
     def problem(self) -> SequenceProblem:
-        """The whole horizon as a search problem."""
+        """The whole horizon as a search problem.
+
+        Raises SolveFailed where the candidates are too many numbers to hold.
+        """
         plant, n = self.plant, self.plant.states
         heights = [sum(plant.sensors[j].sensor.rows for j in c.sensors) for c in self.candidates]
         size = len(heights) * plant.steps * max(heights) * n

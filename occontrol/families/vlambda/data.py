@@ -23,7 +23,8 @@ def simulate_selection(
 
     Parameters
     ----------
-    plant, starts, select, chooser : as in OnlineSelector
+    plant, select, chooser : as in OnlineSelector
+    starts : (E+1,), as in OnlineSelector
     seed : of the generator; the same seed gives the same data
 
     Returns
@@ -52,7 +53,8 @@ def filter_measurements(
 
     Parameters
     ----------
-    plant, starts, select, chooser : as in OnlineSelector
+    plant, select, chooser : as in OnlineSelector
+    starts : (E+1,), as in OnlineSelector
     measurements : t must be a step k; at most one per sensor and step; a value that is NaN is missing
 
     Returns

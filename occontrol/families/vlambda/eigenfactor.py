@@ -64,13 +64,14 @@ class Eigenfactors:
 
 
 def eigenfactors_of(covariance: np.ndarray) -> Eigenfactors:
-    """Spectral factors of a symmetric positive semidefinite (n, n) matrix; rounding below 0 counts as 0."""
+    """Spectral factors of a positive semidefinite `covariance` (n, n); rounding below 0 counts as 0."""
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
     return Eigenfactors(vectors[:, ::-1].copy(), np.sqrt(np.clip(values[::-1], 0.0, None)))
 
 
 def thin_svd(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Left vectors (r, n), singular values (n,) descending, right vectors (n, n) of an (r, n) matrix, r >= n.
+    """Left vectors (r, n), singular values (n,) descending, right vectors (n, n) of a
+    `matrix` (r, n), r >= n.
 
     Singular values have high relative accuracy when rows or columns of `matrix` differ widely in size.
     Raises LinAlgError when LAPACK does not converge (only non-finite entries do that).

@@ -109,7 +109,10 @@ def expand(
 
     Parameters
     ----------
-    roots : (B, n, n); rows : (C, N, m, n); the others as in `advance`
+    roots : (B, n, n)
+    transition, noise_root : (N, n, n), (N, n, p)
+    rows : (C, N, m, n)
+    kind : as in `advance`
 
     Returns
     -------

@@ -201,6 +201,8 @@ class VLambda(Family):
         >>> loop = FAMILY.online(problem)                # doctest: +SKIP
         >>> done = loop.step({"one": [0.3, 0.1]})        # doctest: +SKIP
         >>> done.next_sensors                            # doctest: +SKIP
+
+        Raises UsageError where both a solution and a method are given.
         """
         from occontrol.families.vlambda.online import OnlineSelector
 

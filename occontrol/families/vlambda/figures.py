@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from occontrol.families.vlambda.problem import Problem
 
-FEW = 7  # curves that can be told apart
+MOST_CURVES = 7  # curves that can be told apart
 LEGEND_LINE, LEGEND_NAME = 50, 10  # letters of a legend of one line, and of a name in one that has more
 MOST_LINES_BETWEEN = 100  # choices that are parted by lines
 
@@ -128,7 +128,7 @@ def _locations(axes: Axes, problem: Problem, solution: Solution) -> None:
 def _all_deviations(axes: Axes, problem: Problem, solution: Solution) -> None:
     deviations, n = solution.arrays["standard_deviations"], problem.states
     names = [f"x{i + 1}" for i in range(n)]
-    if n <= FEW:
+    if n <= MOST_CURVES:
         curves_panel(axes, solution.arrays["times"], deviations, names, "standard deviation")
     else:
         edges = np.arange(problem.steps + 1, dtype=float)
@@ -193,9 +193,9 @@ def _strips(axes: Axes, problem: Problem, solutions: Mapping[str, Solution]) -> 
     names, count = problem.sensors.names, len(solutions)
     colours = style.sensor_colours(names)
     shown = list(range(len(names)))
-    if len(names) > FEW:
+    if len(names) > MOST_CURVES:
         use = sum(s.schedule.weights.sum(axis=0) for s in solutions.values() if s.schedule is not None)
-        shown = sorted(np.argsort(-np.asarray(use), kind="stable")[: FEW - 1].tolist())
+        shown = sorted(np.argsort(-np.asarray(use), kind="stable")[: MOST_CURVES - 1].tolist())
         palette = dict(zip(shown, style.PALETTE, strict=False))
         colours = [palette.get(j, style.GREY) for j in range(len(names))]
     for row, solution in enumerate(solutions.values()):
@@ -214,7 +214,7 @@ def _strips(axes: Axes, problem: Problem, solutions: Mapping[str, Solution]) -> 
                 align="edge",
                 color=colour,
                 edgecolor="white",
-                linewidth=0.5 if len(names) > FEW and problem.epochs <= MOST_LINES_BETWEEN else 0,
+                linewidth=0.5 if len(names) > MOST_CURVES and problem.epochs <= MOST_LINES_BETWEEN else 0,
             )
     axes.set_yticks(range(count), [style.shorten(name) for name in reversed(list(solutions))])
     axes.tick_params(axis="y", length=0)
@@ -267,7 +267,7 @@ def _costs(axes: Axes, problem: Problem, solutions: Mapping[str, Solution]) -> N
 def _eigenvalue_curves(axes: Axes, solutions: Mapping[str, Solution]) -> None:
     """Largest eigenvalue of every method; the cheapest few in colour, the others grey."""
     order = sorted(solutions, key=lambda name: (name not in ("eigenspace", "optimal"), solutions[name].cost))
-    coloured = [name for name in solutions if name in order[:FEW]]
+    coloured = [name for name in solutions if name in order[:MOST_CURVES]]
     everything = []
     for name, solution in solutions.items():
         k, values = solution.arrays["times"], solution.arrays["largest_eigenvalue"]

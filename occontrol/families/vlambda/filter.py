@@ -107,7 +107,7 @@ class EigenfactorFilter:
         return innovation
 
     def observe(self, H: np.ndarray, R: np.ndarray, y: np.ndarray) -> float:
-        """`measure` for a measurement y (m,) = H x + v with cov v = R that is not whitened yet."""
+        """`measure` for y (m,) = H x + v, cov v = R, that is not whitened yet; H (m, n), R (m, m)."""
         rows, values = whiten(R, H, y)
         return self.measure(rows, values)
 

@@ -49,7 +49,10 @@ class SampledSensor:
         return self.sensor.H.sample(steps, places) * self.scales, self.sensor.R.sample(steps, places)
 
     def whitened(self, start: int, stop: int, location: np.ndarray | None = None) -> np.ndarray:
-        """C = R^{-1/2} H (N, m, n) for k = start .. stop-1; LinAlgError where R is not positive definite."""
+        """C = R^{-1/2} H (N, m, n) for k = start .. stop-1; LinAlgError where R is not positive definite.
+
+        `location` (d,).
+        """
         if self.rows is not None:
             return self.rows[start:stop]
         rows, noise = self.matrices(start, stop, location)

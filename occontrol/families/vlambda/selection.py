@@ -49,7 +49,8 @@ def run_selection(
 
     Parameters
     ----------
-    plant, starts, select, chooser : as in OnlineSelector
+    plant, select, chooser : as in OnlineSelector
+    starts : (E+1,), as in OnlineSelector
     monitor : asked at every step whether to stop; the last choice is then kept to the end
     """
     loop = OnlineSelector(plant, starts, select, chooser)

@@ -137,7 +137,7 @@ class Region:
         return LocatedMatrix(tuple((text,) for text in self.constraints), self.coordinates)
 
     def allowed(self, step: float, locations: np.ndarray, slack: float = 0.0) -> np.ndarray:
-        """(N,) whether each location (N, d) satisfies every constraint (the box is not looked at)."""
+        """(N,) whether each of `locations` (N, d) satisfies every constraint (the box is not looked at)."""
         if not self.constraints:
             return np.ones(len(locations), dtype=bool)
         values = self.limits.sample(np.full(len(locations), step), locations)[:, :, 0]

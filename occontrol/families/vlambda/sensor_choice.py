@@ -92,6 +92,8 @@ def information_along(basis: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """rho = tr(E_max H'R^-1 H) = |R^{-1/2} H V_max|^2 for whitened rows (.., m, n): (..,).
 
     Oshman (1994), equations (15), (17), (19).
+
+    `basis` V_max (n, k).
     """
     along = rows @ basis
     return np.einsum("...ij,...ij->...", along, along)
@@ -143,7 +145,10 @@ def placed(
 
 
 def choice_of(sensors: tuple[int, ...], scores: np.ndarray, locations: Mapping[int, np.ndarray]) -> Choice:
-    """The Choice of `sensors`, with `scores` (M,) of all and the `locations` of those of them that can move."""
+    """The Choice of `sensors`, with `scores` (M,) of all and the `locations` of those of them that can move.
+
+    `locations` maps a position to (d,).
+    """
     return Choice(sensors, scores, {j: locations[j] for j in sensors if j in locations})
 
 

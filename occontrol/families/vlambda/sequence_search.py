@@ -57,7 +57,10 @@ class SequenceProblem:
         return slice(int(self.starts[epoch]), int(self.starts[epoch + 1]))
 
     def cost_of(self, sequence: Sequence[int], first: int = 0, root: np.ndarray | None = None) -> float:
-        """Summed criterion of a sequence of candidate indices from epoch `first` on."""
+        """Summed criterion of a sequence of candidate indices from epoch `first` on.
+
+        `root` (n, n), of the covariance there.
+        """
         state = np.array(self.root if root is None else root, order="C")
         cost = 0.0
         for e, choice in enumerate(sequence, start=first):

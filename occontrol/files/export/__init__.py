@@ -40,7 +40,7 @@ def write_export(
     Parameters
     ----------
     problem, solution : of the run
-    tables : arrays from which another program runs the filter, by name
+    tables : arrays from which another program runs the filter, by name, of any shape
     to : a name in `FORMATS`
     run : the run folder
     out : file or folder to write, instead of the format's own place inside the run folder

@@ -30,7 +30,7 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
     ----------
     problem : the problem, for the names of the sensors
     solution : Solution
-    tables : arrays of the filter, by name
+    tables : arrays of the filter, by name, of any shape
     target : the folder, created if missing; or a file ending in .csv, for the schedule
     """
     single = target.suffix.lower() == ".csv" and not target.is_dir()

@@ -19,7 +19,7 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
     ----------
     problem : the problem
     solution : Solution
-    tables : arrays of the filter, by name
+    tables : arrays of the filter, by name, of any shape
     target : the file
     """
     names = getattr(getattr(problem, "sensors", None), "names", [])

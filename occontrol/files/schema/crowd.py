@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from occontrol.core.errors import Mistake, ProblemError
-from occontrol.files.schema.words import UNKNOWN, suggest
+from occontrol.files.schema.words import MOST_UNKNOWN_KEYS, suggest
 
 CROWD = 500  # keys; no family knows more than a few dozen
 _KEY = re.compile(r"^([A-Za-z_][\w-]*)[ \t]*:(?=\s|$)", re.MULTILINE)
@@ -26,10 +26,10 @@ def refuse_crowd(source: str, file: str, known: Sequence[str]) -> None:
     if not unknown:
         return
     mistakes, line, at = [], 1, 0
-    for key in unknown[: UNKNOWN + 1]:
+    for key in unknown[: MOST_UNKNOWN_KEYS + 1]:
         line, at = line + source.count("\n", at, key.start()), key.start()
-        rest = len(unknown) - UNKNOWN
-        first = len(mistakes) < UNKNOWN
+        rest = len(unknown) - MOST_UNKNOWN_KEYS
+        first = len(mistakes) < MOST_UNKNOWN_KEYS
         what = f"unknown key '{key[1]}'" if first else f"and {rest} more unknown key{'s' * (rest > 1)}"
         mistakes.append(Mistake((), what, suggest(key[1], known) if first else "", place=f"{file}:{line}:1"))
     raise ProblemError(mistakes)

@@ -129,7 +129,7 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     return None
 
 
-UNKNOWN = 20  # unknown keys of one mapping that are listed
+MOST_UNKNOWN_KEYS = 20  # unknown keys of one mapping that are listed
 
 
 def translate(error: ValidationError, model: type[BaseModel], data: Any) -> list[Mistake]:
@@ -151,7 +151,7 @@ def translate(error: ValidationError, model: type[BaseModel], data: Any) -> list
             known = model_at(model, path[:-1])
             where = f" in {spell(path[:-1], data)}" if path[:-1] else ""
             unknown[path[:-1]] = unknown.get(path[:-1], 0) + 1
-            if unknown[path[:-1]] > UNKNOWN:
+            if unknown[path[:-1]] > MOST_UNKNOWN_KEYS:
                 further.setdefault(path[:-1], path)
                 continue
             hint = suggest(str(path[-1]), known.model_fields) if known else ""
@@ -161,7 +161,7 @@ def translate(error: ValidationError, model: type[BaseModel], data: Any) -> list
             mistake = Mistake(path, f"{name or 'the document'} {_predicate(kind, context, e)}", hint)
         found.setdefault(path, mistake)
     for inside, path in further.items():
-        rest = unknown[inside] - UNKNOWN
+        rest = unknown[inside] - MOST_UNKNOWN_KEYS
         found[path] = Mistake(path, f"and {rest} more unknown key{'s' * (rest > 1)}", key=True)
     return list(found.values())
 

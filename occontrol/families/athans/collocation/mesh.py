@@ -36,7 +36,7 @@ class Mesh:
     ends: np.ndarray
 
     def times(self, points: np.ndarray) -> np.ndarray:
-        """(E, s) times of the collocation points; an end is taken from inside, for tables may jump there."""
+        """(E, s) times of the collocation `points` (s,); an end is taken from inside, because tables may jump there."""
         return self.starts[:, None] + self.lengths[:, None] * np.minimum(points, 1 - 1e-12)
 
 
@@ -57,7 +57,7 @@ def simulate_mesh(
     points : (s,) collocation points on [0, 1]
     step : a covariance that falls like 1/t is followed by elements that grow like (1 + step)^k
     by_growth : look at tr(Xi Sigma^-1) instead, the rate that matters to the inverse of Sigma
-    cuts : times that are ends of elements in any case
+    cuts : (K,) times that are ends of elements in any case
     """
     data, covariance = Data(problem), problem.plant.covariance
     breaks = coarse_breaks(problem)

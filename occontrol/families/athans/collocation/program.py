@@ -26,6 +26,7 @@ class Transcription:
     """The nonlinear program of one mesh."""
 
     def __init__(self, problem: SchedulingProblem, table: tuple, mesh: Mesh, terminal: np.ndarray, information: bool):
+        """`terminal` is W (n, n)."""
         self.problem, self.table, self.mesh, self.terminal = problem, table, mesh, terminal
         self.information = information
         n, self.elements = problem.states, len(mesh.starts)
@@ -202,12 +203,12 @@ class Transcription:
         return f"the covariance equation at t = {self.mesh.starts[element]:.6g}"
 
     def weights(self, x: np.ndarray) -> np.ndarray:
-        """(N, M) of a point of the program."""
+        """The weights (N, M) in a point `x` (variables,) of the program."""
         shape = self.problem.upper.shape
         return x[: shape[0] * shape[1]].reshape(shape)
 
     def covariances(self, x: np.ndarray) -> np.ndarray:
-        """(E + 1, n, n) at the ends of the elements."""
+        """The covariances (E+1, n, n) at the ends of the elements, from a point `x` (variables,) of the program."""
         y = x[self.problem.upper.size :].reshape(self.elements, self.unknown, self.packed)
         ends = unvech(y[:, -1])
         ends = self.frames @ (np.linalg.inv(ends) if self.information else ends) @ np.swapaxes(self.frames, 1, 2)
@@ -231,7 +232,7 @@ class Transcription:
 
 
 def frames(covariances: np.ndarray) -> np.ndarray:
-    """Triangular D (E, n, n) with D D' = covariances, lifted off zero where they are singular."""
+    """Triangular D (E, n, n) with D D' = `covariances` (E, n, n), lifted off zero where they are singular."""
     diagonal = np.einsum("eii->ei", covariances)
     largest = np.max(diagonal, axis=1, keepdims=True)
     scale = np.sqrt(np.maximum(diagonal, np.where(largest > 0, 1e-8 * largest, 1.0)))

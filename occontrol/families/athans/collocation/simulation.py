@@ -40,14 +40,17 @@ class Data:
         return self._plant or (self.problem.plant.A.at(t), self.problem.plant.noise.at(t))
 
     def kinks(self, start: float, end: float, weights: np.ndarray) -> np.ndarray:
-        """Times strictly inside (start, end) at which what matters under these weights has a kink or a jump."""
+        """Times strictly inside (start, end) at which what matters under these weights has a kink or a jump.
+
+        `weights` (M,).
+        """
         used = [self._kinks[0], *[self._kinks[1 + j] for j in np.flatnonzero(weights)]]
         slack = 1e-9 * (end - start)
         inside = [x[np.searchsorted(x, start + slack) : np.searchsorted(x, end - slack)] for x in used]
         return np.unique(np.concatenate(inside))
 
     def information(self, t: float, weights: np.ndarray) -> np.ndarray:
-        """L(v) at t."""
+        """L(v) (n, n) at t for `weights` v (M,)."""
         if self._fixed is not None:
             return np.tensordot(weights, self._fixed, axes=1)
         total, time = np.zeros((self.n, self.n)), np.array([t])

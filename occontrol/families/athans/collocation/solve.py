@@ -198,7 +198,10 @@ def simulated_cost(
 
 
 def feasible_policy(problem: SchedulingProblem, weights: np.ndarray) -> np.ndarray:
-    """Weights clipped to their bounds, and what that changed given back in proportion to the room left."""
+    """Weights clipped to their bounds, and what that changed given back in proportion to the room left.
+
+    `weights` (N, M), as is the result.
+    """
     clipped = np.clip(weights, 0.0, problem.upper)
     for _ in range(3):
         missing = problem.select - np.sum(clipped, axis=1, keepdims=True)

@@ -51,7 +51,7 @@ class Panels:
         return self.starts[:, None] + self.lengths[:, None] * gauss_nodes()[0]
 
     def divide(self, counts: np.ndarray) -> Panels:
-        """Panel p cut into counts[p] equal parts."""
+        """Panel p cut into `counts`[p] equal parts; counts is (P,) integers."""
         index = np.repeat(np.arange(len(self)), counts)
         place = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
         lengths = self.lengths[index] / counts[index]
@@ -214,7 +214,7 @@ class PolicyData:
         return np.maximum(room, self.weights[panels.interval])
 
     def gains(self, panels: Panels, open_to: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """tr(C_j' Theta_j^-1 C_j left right') at the nodes, (P, NODES, M), where sensor j is open (P, M), else 0.
+        """tr(C_j' Theta_j^-1 C_j left right') at the nodes, (P, NODES, M); 0 where `open_to` (P, M) says no to j.
 
         left, right : (P, NODES, n, c)
         """

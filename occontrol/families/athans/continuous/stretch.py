@@ -136,7 +136,7 @@ class Stretch:
         return sum(a.nbytes for a in [*arrays, *(self.inner if self.data.problem.running is not None else ())])
 
     def covariance_after(self, chosen: np.ndarray) -> np.ndarray:
-        """(k, n, n) at the ends of the chosen panels."""
+        """The covariances (k, n, n) at the ends of the panels whose numbers are `chosen` (k,)."""
         F, G, Q = fractional(self.ended[chosen])
         return covariance_after(reduced_roots(self.roots[self.group[chosen]], G), F, Q)
 
@@ -151,6 +151,8 @@ class Stretch:
 
         The last is what rounding changes tr(V Sigma V') by: V Sigma dG Sigma V' at the start of a group, V dQ V' at its
         end, and g' (R' dR + dR' R) g for the factor R of I + S' G S, where |dR| <= 4 eps |Gamma| |S|.
+
+        `costate` is V' (n, p) at the end.
         """
         n = self.roots.shape[-1]
         starts = np.empty((len(self.carry), 2 * n, costate.shape[-1]))
@@ -193,8 +195,8 @@ class Stretch:
     def running_back(self, costate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """X and Y, (P, NODES, n, n), with X Y' = Sigma P_R Sigma at the nodes, where -dP_R/dt = .. + R.
 
-        `costate`, P_R at the end, is overwritten by P_R at the start. With K(t) the closed-loop transition from the
-        start of a panel, Pi = K' P_R K obeys dPi/dt = -K' R K.
+        `costate` (n, n), P_R at the end, is overwritten by P_R at the start. With K(t) the closed-loop transition from
+        the start of a panel, Pi = K' P_R K obeys dPi/dt = -K' R K.
         """
         _, rule = gauss_nodes()
         _, K, Y = self.inner

@@ -27,7 +27,7 @@ from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.consistency import average_band
 
 OUTLIER = 1e-6  # a consistent sample lies beyond the level that is called an outlier with this probability
-COARSE = 1.2  # expected NEES per state above which the split filter is called too coarse
+COARSE_NEES = 1.2  # expected NEES per state above which the split filter is called too coarse
 
 
 def run_filter(
@@ -60,7 +60,7 @@ def run_filter(
     notes = _notes(sampled, steps, gate)
     if model == "split":
         worst = float(np.max(expected_nees(problem, schedule)))
-        if worst > COARSE:
+        if worst > COARSE_NEES:
             notes += (
                 f"the grid is coarse for this filter: against the continuous plant its NEES per state is expected to "
                 f"reach {worst:.3g} instead of 1; the exact model (model: exact) has no such error",

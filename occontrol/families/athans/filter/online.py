@@ -116,6 +116,8 @@ class MatchedFilter:
     gate : probability; a sample farther off than a consistent one would be with this probability is left out
 
     Athans (1971), equations (3.2), (3.6)-(3.8), (7.3)-(7.5).
+
+    Raises UsageError for an unknown model and for a gate that is no probability.
     """
 
     def __init__(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from occontrol.core.checks import BETWEEN
+from occontrol.core.checks import SAMPLES_BETWEEN
 from occontrol.core.signal import ExpressionSignal, Signal, TableSignal
 
 BEND = 0.01
@@ -34,7 +34,7 @@ def samples(signal: Signal, origin: float, end: float) -> tuple[np.ndarray, np.n
         inside = signal.times - origin
         times = np.concatenate([[0.0], inside[(inside > 0) & (inside < end)], [end]])
     else:
-        times = np.linspace(0.0, end, BETWEEN)
+        times = np.linspace(0.0, end, SAMPLES_BETWEEN)
     values = signal.sample(origin + times)
     if not isinstance(signal, ExpressionSignal):
         return times, values
@@ -66,9 +66,9 @@ def features(signal: Signal, origin: float, end: float) -> np.ndarray:
     if not isinstance(signal, ExpressionSignal):
         return np.empty(0)
     times, _ = samples(signal, origin, end)
-    if len(times) == BETWEEN:
+    if len(times) == SAMPLES_BETWEEN:
         return np.empty(0)
-    short = np.diff(times) < 0.75 * end / (BETWEEN - 1)
+    short = np.diff(times) < 0.75 * end / (SAMPLES_BETWEEN - 1)
     return times[np.append(short, False) | np.insert(short, 0, False)]
 
 

@@ -49,16 +49,16 @@ class Folded:
         return self.sweep.foresees_exchanges
 
     def cost(self, weights: np.ndarray) -> float:
-        """J of a policy (N, M)."""
+        """J of a policy, `weights` (N, M)."""
         return self.sweep.cost(weights[self.mesh.owner])
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
-        """J and dJ/dv (N, M) of a policy (N, M); `by_step` keeps those of the steps."""
+        """J and dJ/dv (N, M) of a policy, `weights` (N, M); `by_step` keeps those of the steps."""
         value, self.by_step = self.sweep.cost_and_gradient(weights[self.mesh.owner])
         return value, self.gathered(self.by_step)
 
     def gathered(self, by_step: np.ndarray) -> np.ndarray:
-        """(N, ..) sums over the steps of every interval of what is given for each step (K, ..)."""
+        """(N, ..) sums over the steps of every interval of `by_step` (K, ...), values for each of the K steps."""
         return np.add.reduceat(by_step, self.first, axis=0)
 
 
@@ -84,12 +84,12 @@ class Extrapolated:
         return self.whole.mesh
 
     def cost(self, weights: np.ndarray) -> float:
-        """J of a policy (N, M)."""
+        """J of a policy, `weights` (N, M)."""
         self.forward_count += 1
         return (4 * self.half.cost(weights) - self.whole.cost(weights)) / 3
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
-        """J and dJ/dv (N, M) of a policy (N, M)."""
+        """J and dJ/dv (N, M) of a policy, `weights` (N, M)."""
         self.forward_count += 1
         self.backward_count += 1
         coarse, fine = self.whole.cost_and_gradient(weights), self.half.cost_and_gradient(weights)

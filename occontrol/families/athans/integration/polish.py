@@ -11,8 +11,8 @@ from occontrol.families.athans.integration.priced import Judged
 from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.hminimal import SweepOutcome, h_minimal, polish
 
-REPRICED = 4  # times that the prices are corrected for a schedule
-SWEEPS = 30  # of J itself where corrected prices cost the schedule wrongly
+MOST_REPRICINGS = 4  # times that the prices are corrected for a schedule
+MOST_SWEEPS = 30  # of J itself where corrected prices cost the schedule wrongly
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def polish_for(
         value = judge.cost(weights)
         if value < cost:
             best, cost = replace(best, weights=weights), value
-    for _ in range(REPRICED):
+    for _ in range(MOST_REPRICINGS):
         if monitor.stop:
             return replace(best, cost=cost)
         sweep = judge.repriced(best.weights)
@@ -68,7 +68,7 @@ def polish_for(
         if not value < cost:
             break
         best, cost = replace(found, iterations=best.iterations + found.iterations), value
-    direct = h_minimal(judge, allowed, best.weights, SWEEPS, monitor=monitor.child(silent=True))
+    direct = h_minimal(judge, allowed, best.weights, MOST_SWEEPS, monitor=monitor.child(silent=True))
     if direct.cost < cost:
         best, cost = replace(best, weights=direct.weights), direct.cost
     return replace(best, cost=cost)

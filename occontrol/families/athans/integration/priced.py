@@ -27,18 +27,18 @@ class Judged:
         self.shape, self.states = (base.intervals, base.sensors), base.states
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
-        """J and dJ/dv (N, M) of a policy (N, M)."""
+        """J and dJ/dv (N, M) of a policy, `weights` (N, M)."""
         self.forward_count += 1
         self.backward_count += 1
         return self.on.cost_and_gradient(weights)
 
     def cost(self, weights: np.ndarray) -> float:
-        """J of a policy (N, M)."""
+        """J of a policy, `weights` (N, M)."""
         self.forward_count += 1
         return self.on.cost(weights)
 
     def repriced(self, weights: np.ndarray) -> Sweep:
-        """One step an interval, with prices that make its gradient at a policy (N, M) that of J."""
+        """One step an interval, with prices that make its gradient at `weights` (N, M) that of J."""
         difference = self.on.cost_and_gradient(weights)[1] - Sweep(self.recursion).cost_and_gradient(weights)[1]
         return Sweep(replace(self.recursion, cost=self.recursion.cost + difference))
 

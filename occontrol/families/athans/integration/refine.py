@@ -3,7 +3,8 @@
     delta_i = min_w w.g_i - sum over the steps of interval i of min_w w.g_step
 
 is what the continuous bound loses on interval i to the grid of decisions. Where the sum of these and the policy's own
-excess exceeds TOP of the cost, the worst intervals are cut at steps of the mesh, and the relaxation goes on.
+excess exceeds GAP_THAT_ADDS_EDGES of the cost, the worst intervals are cut at steps of the mesh, and the relaxation
+goes on.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from occontrol.core.monitor import Monitor
 from occontrol.families.athans.discretise import feasible_set
-from occontrol.families.athans.found import BESIDE
+from occontrol.families.athans.found import STEPS_FOR_BOUND
 from occontrol.families.athans.integration.folded import Extrapolated
 from occontrol.families.athans.integration.integrator import Integrator
 from occontrol.families.athans.integration.priced import PricedSweep
@@ -27,12 +28,12 @@ from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling.relaxation import RelaxedOptions
 from occontrol.scheduling.sweep import Sweep
 
-TOP = 0.01  # of the cost: the gap at the top above which edges are added
-WANTED = 0.001  # of the cost: the gap at the top that is then aimed at
+GAP_THAT_ADDS_EDGES = 0.01  # of the cost: the gap at the top above which edges are added
+GAP_WANTED = 0.001  # of the cost: the gap at the top that is then aimed at
 PARTS = 4
-SMALLEST = 1e-6  # share of an interval that is worth an edge
+SMALLEST_SHARE = 1e-6  # share of an interval that is worth an edge
 ROUNDS = 8
-MOST = 120  # edges, beside a quarter of the intervals
+MOST_ADDED_EDGES = 120  # edges, beside a quarter of the intervals
 WHY = "one choice would spoil this interval"
 
 
@@ -49,7 +50,7 @@ def search_space(problem: SchedulingProblem, method: Any, monitor: Monitor) -> t
         integrator = Integrator(problem, method.relative_gap)
         return integrator, integrator.sweep
     monitor.stage = "relaxation"
-    limits = RelaxedOptions(method.relative_gap, getattr(method, "max_iterations", BESIDE))
+    limits = RelaxedOptions(method.relative_gap, getattr(method, "max_iterations", STEPS_FOR_BOUND))
     return relax_and_refine(problem, limits, monitor, start=earlier_policy(problem, monitor))
 
 
@@ -74,26 +75,26 @@ def relax_and_refine(
     """
     integrator = Integrator(problem, limits.relative_gap)
     found = relax(integrator, limits, monitor, start)
-    room, top = problem.intervals // 4 + MOST, TOP
+    room, top = problem.intervals // 4 + MOST_ADDED_EDGES, GAP_THAT_ADDS_EDGES
     for _ in range(ROUNDS if refine and problem.integration.refine and problem.integration.substeps is None else 0):
         if monitor.stop or room <= 0 or not np.isfinite(found.outcome.cost):
             break
         extra, parent = _cuts(problem, integrator, found, room, top)
         if not len(extra):
             break
-        room, top = room - len(extra), WANTED
+        room, top = room - len(extra), GAP_WANTED
         problem = problem.with_edges([(float(t), WHY) for t in extra])
         integrator = Integrator(problem, limits.relative_gap)
         # the gap itself is needed once the edges are known
-        rough = replace(limits, relative_gap=max(WANTED, limits.relative_gap))
+        rough = replace(limits, relative_gap=max(GAP_WANTED, limits.relative_gap))
         found = relax(integrator, rough, monitor, found.outcome.weights[parent])
-    if top < TOP and room > 0 and not monitor.stop:
+    if top < GAP_THAT_ADDS_EDGES and room > 0 and not monitor.stop:
         extra, start = _shared(problem, found, room)
         if len(extra):
             problem = problem.with_edges([(float(t), WHY) for t in extra])
             integrator = Integrator(problem, limits.relative_gap)
         found = relax(integrator, limits, monitor, start)
-    elif top < TOP:
+    elif top < GAP_THAT_ADDS_EDGES:
         found = relax(integrator, limits, monitor, found.outcome.weights)
     return integrator, found
 
@@ -113,10 +114,10 @@ def _cuts(
     loss, own = interval_loss(on, allowed), J - allowed.bound(J, v, g)
     # an interval that is full of steps and still inaccurate is spoilt as well, once edges are added at all
     coarse = integrator.unresolved(on, v)
-    if not np.sum(loss) + own > top * cost and not (top < TOP and np.any(coarse)):
+    if not np.sum(loss) + own > top * cost and not (top < GAP_THAT_ADDS_EDGES and np.any(coarse)):
         return np.empty(0), np.empty(0)
     order = np.argsort(-loss, kind="stable")
-    below = np.sum(loss) - np.cumsum(loss[order]) <= 0.5 * WANTED * cost
+    below = np.sum(loss) - np.cumsum(loss[order]) <= 0.5 * GAP_WANTED * cost
     count = int(np.argmax(below)) + 1 if np.any(below) else len(order)
     order = np.concatenate([order[:count], np.setdiff1d(np.flatnonzero(coarse), order[:count])])
     return _cut_at_steps(problem, integrator, on, [i for i in order if loss[i] > 0 or coarse[i]], room)
@@ -133,7 +134,8 @@ def _shared(problem: SchedulingProblem, found: PricedSweep, room: int) -> tuple[
     share = np.max(np.abs(v - whole), axis=1)
     dear = share * np.max(np.abs(found.outcome.gradient), axis=1)
     same = np.sum(whole, axis=1) == np.round(np.sum(v, axis=1))
-    order = [i for i in np.argsort(-dear, kind="stable") if SMALLEST < share[i] < 1 - SMALLEST and same[i]][:room]
+    inside = (SMALLEST_SHARE < share) & (share < 1 - SMALLEST_SHARE) & same
+    order = [i for i in np.argsort(-dear, kind="stable") if inside[i]][:room]
     pieces, times = [], []
     for i in range(len(v)):
         if i not in order:

@@ -24,11 +24,11 @@ from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, mini
 from occontrol.scheduling.sweep import Sweep
 
 ROUNDS = 8
-INNER = 0.6  # of the gap: what the corrected problem is solved to
-OWN = 2  # times the sweeps that a mixture of cuts would have taken: by those the shaken polish is budgeted
-SLOW = 0.5  # a round that leaves more than this share of the excess is too slow
-ROUGH = 10.0  # times the gap: where the recursion with one step an interval only shows the way
-FAR = 0.3  # one step an interval is that far off: its optimum is no place to start from
+INNER_SHARE_OF_GAP = 0.6  # of the gap: what the corrected problem is solved to
+SWEEPS_OF_POLISH = 2  # times the sweeps that a mixture of cuts would have taken: by those the shaken polish is budgeted
+SLOW_SHARE = 0.5  # a round that leaves more than this share of the excess is too slow
+ROUGH_FACTOR = 10.0  # times the gap: where the recursion with one step an interval only shows the way
+FAR_SHARE = 0.3  # one step an interval is that far off: its optimum is no place to start from
 
 
 def relax(
@@ -58,8 +58,8 @@ def relax(
             v = inner.weights
             if integrator.evaluate(v).on is None:
                 return PricedSweep(base, base, inner, inner, None)
-        elif off <= FAR:
-            rough = replace(limits, relative_gap=ROUGH * gap)
+        elif off <= FAR_SHARE:
+            rough = replace(limits, relative_gap=ROUGH_FACTOR * gap)
             v = spent.add(minimise_relaxed(sweep, allowed, None, rough, monitor)).weights
     mesh = None if integrator.options.substeps else integrator.first
     last, direct = np.inf, False
@@ -78,9 +78,9 @@ def relax(
         monitor.report(spent.iterations, J, J - own)
         if status is Status.CERTIFIED or monitor.stop or spent.iterations >= limits.max_iterations:
             break
-        target = INNER * gap * abs(J)
+        target = INNER_SHARE_OF_GAP * gap * abs(J)
         left = max(limits.max_iterations - spent.iterations, 1)
-        if direct or own > SLOW * last:
+        if direct or own > SLOW_SHARE * last:
             objective, watch, direct = Judged(on, base), monitor, True
         else:
             objective, watch = sweep, monitor.child(silent=True)
@@ -95,7 +95,7 @@ def relax(
     error = 0.0 if isinstance(on, Folded) else on.error(v)
     outcome = RelaxedOutcome(v, J, J - own - error, g, spent.iterations, status, spent.sweeps, spent.stalled)
     bound = allowed.bound(J_one, v, g_one)
-    counted = {name: count // OWN for name, count in spent.sweeps.items()}
+    counted = {name: count // SWEEPS_OF_POLISH for name, count in spent.sweeps.items()}
     inner = RelaxedOutcome(v, J_one, bound, g_one, spent.iterations, status, counted)
     return PricedSweep(sweep.recursion, base, outcome, inner, on)
 
