@@ -1,0 +1,35 @@
+"""Compiled loops over the transitions of an automaton: the cheapest path, and what can be reached."""
+
+from __future__ import annotations
+
+from numba import njit
+
+OPTIONS = {"cache": True, "nogil": True}
+
+
+@njit(**OPTIONS)
+def cheapest(table, first, tail, head, action, event, price, entry, value, before):
+    """value[k+1, q] = min over transitions of value[k, tail] + price[k, action] + entry[k, event]; which one it was.
+
+    table (N,), first (T+1,), tail .. event (E,), price (N, A), entry (N, V); value (N+1, Q) holds inf but for the
+    first state, before (N+1, Q)
+    """
+    N = table.shape[0]
+    for k in range(N):
+        t = table[k]
+        for e in range(first[t], first[t + 1]):
+            known = value[k, tail[e]]
+            if known < 1e300:
+                x = known + price[k, action[e]] + entry[k, event[e]]
+                if x < value[k + 1, head[e]]:
+                    value[k + 1, head[e]] = x
+                    before[k + 1, head[e]] = e
+
+
+@njit(**OPTIONS)
+def along(before, tail, last, path):
+    """The transitions (N,) of the path that ends in state `last`."""
+    state = last
+    for k in range(path.shape[0], 0, -1):
+        path[k - 1] = before[k, state]
+        state = tail[before[k, state]]

@@ -1,0 +1,235 @@
+"""The exact optimum under rules: branch and bound on the set of sensors that an interval uses.
+
+A node is a mask of allowed actions. Its bound is that of the hull under the mask, with the columns of its parent that
+the mask allows; it is left as soon as the bound reaches the best cost but for `gap`. Every column is scored, so the
+best schedule and the best bound are known at every moment. A node with one set on every interval is one schedule.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from occontrol.core.monitor import Monitor
+from occontrol.scheduling.rules.hull import Hull, HullOptions, hull
+from occontrol.scheduling.rules.master import Multipliers
+from occontrol.scheduling.rules.moves import Mover, Scored
+from occontrol.scheduling.rules.plan import Plan
+from occontrol.scheduling.rules.rows import Rows
+from occontrol.scheduling.rules.task import Task
+
+CHILDREN = 3  # sets that get a child of their own, beside the one for all others
+ROOT, INNER = 400, 60  # calls of the oracle in the first node, and in the others
+USED = 0.02  # share from which a set gets one
+EARLY, NEAR = 4, 0.02  # schedules at the start that are improved though they are only that close to the best
+
+
+@dataclass(frozen=True)
+class TreeOptions:
+    """When to stop.
+
+    Parameters
+    ----------
+    gap : relative to the best schedule's cost
+    most : nodes
+    moves : evaluations of block moves on every new best schedule
+    """
+
+    gap: float = 1e-6
+    most: int = 2000
+    moves: int = 400
+
+
+@dataclass
+class Tree:
+    """What is known at a moment.
+
+    Parameters
+    ----------
+    best : the best schedule, or None
+    lower_bound : proven for all schedules that keep the rules; inf where there are none
+    root : the hull without a mask
+    nodes : solved so far
+    complete : whether no node is left open
+    """
+
+    best: Scored | None
+    lower_bound: float
+    root: Hull
+    nodes: int
+    complete: bool
+
+
+@dataclass(order=True)
+class _Node:
+    bound: float
+    number: int
+    mask: np.ndarray = field(compare=False)
+    start: tuple[np.ndarray, Multipliers, list[Plan]] = field(compare=False)
+
+
+class Search:
+    """Branch and bound on one task.
+
+    Parameters
+    ----------
+    task : Task
+    options : TreeOptions
+    monitor : Monitor
+    seeds : plans to begin with
+    told : called with every better Scored
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        options: TreeOptions,
+        monitor: Monitor,
+        seeds: list[Plan],
+        told: Callable[[Scored], None] = lambda scored: None,
+    ):
+        self.task, self.options, self.monitor, self.told = task, options, monitor, told
+        self.mover, self.rows = Mover(task), Rows(task)
+        self.best: Scored | None = None
+        self.nodes = 0
+        self._scored: set[bytes] = set()
+        self._near = 0
+        self._most = _dearest(task)
+        for plan in seeds:
+            self.score(plan)
+
+    @property
+    def cutoff(self) -> float:
+        """The bound at which a node is left: relative to the best schedule; without one, what none can cost."""
+        if self.best is None:
+            return self._most
+        return self.best.value - 0.5 * self.options.gap * abs(self.best.value)
+
+    def score(self, plan: Plan) -> None:
+        """Cost a plan, and improve it where it is the best, or early and near the best."""
+        if plan.key in self._scored:
+            return
+        self._scored.add(plan.key)
+        found = Scored(plan, self.task.value(plan))
+        if not np.isfinite(found.value):
+            return
+        before = np.inf if self.best is None else self.best.value
+        near = found.value < before + NEAR * abs(before)
+        if found.value < before or (near and self._near < EARLY):
+            self._near += not found.value < before
+            if self.options.moves:
+                found = self.mover.improve(found, self.options.moves, self.monitor)
+            if found.value < before:
+                self.best = found
+                self._scored.add(found.plan.key)
+                self.told(found)
+
+    def run(self, start: np.ndarray) -> Tree:
+        """The search, from a policy (N, C) at which the first bound is taken."""
+        task, monitor = self.task, self.monitor
+        everything = np.ones_like(task.oracle.open)
+        root = self._solve(_Node(-np.inf, 0, everything, (start, Multipliers(np.empty(0)), [])))
+        heap: list[_Node] = []
+        closed, count = self._file(heap, root, everything, root.lower_bound, 1), 1
+        while heap and self.nodes < self.options.most and not monitor.stop:
+            node = heapq.heappop(heap)
+            if node.bound >= self.cutoff:
+                closed = min(closed, node.bound)
+                continue
+            found = self._solve(node)
+            bound = max(found.lower_bound, node.bound)
+            count += 8
+            closed = min(closed, self._file(heap, found, node.mask, bound, count))
+            value = np.inf if self.best is None else self.best.value
+            monitor.report(self.nodes, value, min(closed, value, *(n.bound for n in heap[:1])))
+        open_bounds = [n.bound for n in heap]
+        best = np.inf if self.best is None else self.best.value
+        lower = min([closed, best, *open_bounds])
+        lower = np.inf if self.best is None and not heap and not monitor.stop else lower
+        return Tree(self.best, lower, root, self.nodes, not heap)
+
+    def _solve(self, node: _Node) -> Hull:
+        self.nodes += 1
+        options = HullOptions(0.1 * self.options.gap, lambda: self.cutoff, ROOT if self.nodes == 1 else INNER)
+        return hull(self.task, self.rows, node.start, node.mask, options, self.score, self.monitor)
+
+    def _file(self, heap: list, found: Hull, mask: np.ndarray, bound: float, count: int) -> float:
+        """Put the children of a node on the heap; what the node's schedules cost at least, where it has none."""
+        if not np.isfinite(found.lower_bound) or bound >= self.cutoff:
+            return bound
+        children = self._children(found, mask)
+        if not children:
+            plan = self.task.oracle.minimise(np.zeros(self.task.oracle.shape), None, mask)[1]
+            return np.inf if plan is None else self.task.value(plan)
+        for i, child in enumerate(children):
+            kept = [(p, s) for p, s in zip(found.plans, _filled(found), strict=True) if _allowed(p, child)]
+            plans = [p for p, _ in kept]
+            shares = np.array([s for _, s in kept])
+            v = found.tangent.weights
+            if plans:
+                shares = shares / np.sum(shares) if np.sum(shares) > 0 else np.full(len(plans), 1 / len(plans))
+                v = np.einsum("p,pnc->nc", shares, np.array([p.weights for p in plans]))
+            heapq.heappush(heap, _Node(bound, count + i, child, (v, found.multipliers, plans)))
+        return np.inf
+
+    def _children(self, found: Hull, mask: np.ndarray) -> list[np.ndarray]:
+        """Masks that part the schedules of a node; empty where it is a single schedule."""
+        oracle = self.task.oracle
+        allowed = oracle.open & mask
+        groups = np.stack([np.any(allowed[:, oracle.group == g], axis=1) for g in range(len(oracle.sets))], axis=1)
+        free = np.sum(groups, axis=1) > 1
+        if not np.any(free):
+            return []
+        share = np.zeros(groups.shape)
+        for plan, s in zip(found.plans, _filled(found), strict=True):
+            share[np.arange(len(share)), oracle.group[plan.actions]] += s
+        at = self._where(found, groups, free, share)
+        order = [int(g) for g in np.argsort(-share[at], kind="stable") if groups[at, g]]
+        own = [g for g in order if share[at, g] > USED][:CHILDREN] or order[:1]
+        children = []
+        for part in [*([g] for g in own), [g for g in order if g not in own]]:
+            if part:
+                child = mask.copy()
+                child[at] &= np.isin(oracle.group, part)
+                children.append(child)
+        return children
+
+    def _where(self, found: Hull, groups: np.ndarray, free: np.ndarray, share: np.ndarray) -> int:
+        """The interval to branch on."""
+        task, at = self.task, found.tangent
+        steps = task.oracle.grid.steps
+        g = task.goal.observation * task.price + max(task.goal.error, 1e-3) * at.slope
+        cost = g @ task.oracle.automaton.columns.T
+        worth = np.stack([np.min(cost[:, task.oracle.group == i], axis=1) for i in range(groups.shape[1])], axis=1)
+        high = np.max(np.where(groups, worth, -np.inf), axis=1)
+        low = np.min(np.where(groups, worth, np.inf), axis=1)
+        spread = np.sqrt(np.maximum(np.where(free, high - low, 0.0), 0.0))
+        torn = steps * np.sum(share * (1 - share), axis=1)
+        width = min(5, len(torn))
+        smooth = np.convolve(torn, np.full(width, 1 / width), mode="same")
+        score = np.where(free, (smooth + 1e-3 * torn) * (spread + 1e-12 * np.max(spread, initial=0.0)), -1.0)
+        if np.max(score) > 1e-12 * float(np.max(steps)):
+            return int(np.argmax(score))
+        return int(np.argmax(np.where(free, spread + 1e-300, -1.0)))
+
+
+def _dearest(task: Task) -> float:
+    """More than any schedule costs: everything that sensors may cost, nothing measured, and as many changes as fit."""
+    N, goal = len(task.spend), task.goal
+    change = max(float(np.max(task.rules.switch_cost, initial=0.0)), task.rules.start_cost * task.rules.select)
+    _, error = task.parts(np.zeros(task.oracle.shape))
+    dear = np.max(task.price @ task.oracle.automaton.columns.T, axis=1)
+    most = goal.observation * float(np.sum(np.maximum(dear, 0.0))) + goal.error * error + N * change
+    return most + 1e-6 * abs(most)
+
+
+def _filled(found: Hull) -> np.ndarray:
+    """Shares of all plans, zero for those that no master has seen."""
+    return np.pad(found.shares, (0, len(found.plans) - len(found.shares)))
+
+
+def _allowed(plan: Plan, mask: np.ndarray) -> bool:
+    return bool(np.all(mask[np.arange(len(mask)), plan.actions]))
