@@ -81,15 +81,19 @@ def run(arguments: list[str]) -> int:
     import typer
 
     from occontrol.cli.application import app
-    from occontrol.core import compile_cache
+    from occontrol.cli.watch import hush
+    from occontrol.core import compile_cache, stopwatch
     from occontrol.core.errors import OccontrolError
 
+    stopwatch.tell(lambda: print("compiling (once)", file=sys.stderr, flush=True))
     try:
         code = app(arguments, prog_name="occontrol", standalone_mode=False)
+        hush()
         if compile_cache.remark():
             print(f"note: {compile_cache.remark()}", file=sys.stderr)
         return code if isinstance(code, int) else 0
     except OccontrolError as error:
+        hush()
         return _report(str(error), error.exit_code)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -112,6 +116,7 @@ def run(arguments: list[str]) -> int:
         if os.environ.get("OCCONTROL_DEBUG"):
             raise
         text = " ".join(str(error).split())
+        hush()
         return _report(f"unexpected {type(error).__name__}: {text}\n  hint: OCCONTROL_DEBUG=1 shows where", 6)
 
 

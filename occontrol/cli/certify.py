@@ -22,6 +22,9 @@ def certify(
     json: JsonFlag = False,
 ) -> int:
     """Recompute cost, lower bound and gap of a schedule from the problem alone."""
+    from occontrol.cli.watch import announce
+
+    announce(f"certifying {file if schedule is None else schedule}")
     from dataclasses import replace
 
     from occontrol.api import certify as call_certify

@@ -27,6 +27,9 @@ def compare(
     json: JsonFlag = False,
 ) -> int:
     """Solve one problem with several methods and set them side by side."""
+    from occontrol.cli.watch import announce
+
+    announce(f"comparing methods on {file}")
     from occontrol.api import choose_method, family_of, read_problem
     from occontrol.cli.watch import exit_code, watched
     from occontrol.core.errors import SolveFailed, UsageError

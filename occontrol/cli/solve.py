@@ -37,6 +37,9 @@ def solve(
 
     Ctrl-C once keeps the best so far, twice aborts. What is interrupted never replaces a better result.
     """
+    from occontrol.cli.watch import announce
+
+    announce(f"solving {file}")
     from occontrol.api import choose_method, family_of, read_problem
     from occontrol.cli.warn import warn_of
     from occontrol.cli.watch import exit_code, watched

@@ -23,6 +23,9 @@ def tradeoff(
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the figures.")] = True,
 ) -> int:
     """Solve over a range of cost weights alpha: what a better prediction costs."""
+    from occontrol.cli.watch import announce
+
+    announce(f"tracing the front of {file}")
     from occontrol.api import family_of, read_problem
     from occontrol.api import tradeoff as trace
     from occontrol.cli.watch import exit_code, watched

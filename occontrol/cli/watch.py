@@ -14,9 +14,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from occontrol.core import stopwatch
 from occontrol.core.monitor import Monitor
 
 RECENT = 40
+PATIENCE = 0.5  # seconds in which nothing is said
+_pending: threading.Timer | None = None
 
 
 @dataclass
@@ -71,6 +74,7 @@ def _signals(monitor: Watched) -> Iterator[None]:
             signal.signal(each, stop)
     try:
         if display is not None:
+            hush()
             display.start()
         yield
     finally:
@@ -117,8 +121,35 @@ def exit_code(monitor: Monitor, code: int) -> int:
     return 128 + monitor.interrupted if monitor.interrupted else code
 
 
+def announce(text: str) -> None:
+    """Say what is begun if nothing else has been said PATIENCE seconds from now, on a terminal and off it.
+
+    Nothing heavy is imported before it: whoever has started a long work reads something within a second. A short work,
+    a mistake and a line of progress speak for themselves: `hush` comes first.
+
+    Parameters
+    ----------
+    text : one line, such as "solving two_radars.yaml"
+    """
+    global _pending
+    hush()
+    _pending = threading.Timer(PATIENCE, print, [text], {"file": sys.stderr, "flush": True})
+    _pending.daemon = True
+    _pending.start()
+
+
+def hush() -> None:
+    """What was announced and not yet said need not be said."""
+    if _pending is not None:
+        _pending.cancel()
+
+
+def _on_terminal() -> bool:
+    return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+
+
 def _display(monitor: Watched) -> Any:
-    if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
+    if not _on_terminal():
         return None
     from rich.console import Console
     from rich.live import Live
@@ -139,6 +170,8 @@ def progress_text(monitor: Watched) -> str:
     ----------
     monitor : Watched
     """
+    if stopwatch.compiling():
+        return "compiling (once)"
     elapsed = f"{monitor.seconds:.0f} s"
     if not monitor.history:
         return f"{monitor.stage or 'preparing'} · {elapsed}"

@@ -2,7 +2,8 @@
 
 Numba keeps machine code beside the package or below HOME and raises when neither can be written, when the disk is full
 while it saves, and when a file of the cache is cut off. `guard` changes that once numba is imported, and imports
-nothing itself: a folder for this user below the temporary one takes their place, or nothing does.
+nothing itself: a folder for this user below the temporary one takes their place, or nothing does. It also stops the
+clock (core/stopwatch.py) while numba loads, compiles and saves.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from collections.abc import Callable
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
+
+from occontrol.core import stopwatch
 
 _WATCHED = "numba.core.dispatcher"
 _remarks: list[str] = []
@@ -60,13 +63,14 @@ class _Finder:
 
 
 def _soften(dispatcher: Any) -> None:
-    """Replace the three methods through which numba meets the file system."""
-    from numba.core import caching
+    """Replace the methods through which numba meets the file system, and the one that compiles."""
+    from numba.core import caching, event
 
     kind, cache = dispatcher.Dispatcher, caching.Cache
     if getattr(kind.enable_caching, "softened", False):
         return
     enable, load, save = kind.enable_caching, cache.load_overload, cache.save_overload
+    compile_one = kind.compile
 
     def enable_caching(self: Any) -> None:
         if not _attempt(lambda: enable(self)) and _use_temporary_folder():
@@ -92,8 +96,21 @@ def _soften(dispatcher: Any) -> None:
             reason = getattr(error, "strerror", None) or type(error).__name__
             _note(f"compiled code could not be kept ({reason}): it is compiled anew each time")
 
+    def compile(self: Any, sig: Any) -> Any:
+        with stopwatch.stopped():
+            return compile_one(self, sig)
+
+    class Watch(event.Listener):
+        def on_start(self, event: Any) -> None:
+            stopwatch.begin()
+
+        def on_end(self, event: Any) -> None:
+            stopwatch.end()
+
+    event.register("numba:compile", Watch())
     enable_caching.softened = True  # type: ignore[attr-defined]
     kind.enable_caching, cache.load_overload, cache.save_overload = enable_caching, load_overload, save_overload
+    kind.compile = compile
 
 
 def _attempt(work: Callable[[], None]) -> bool:

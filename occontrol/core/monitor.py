@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+from occontrol.core import stopwatch
 
 
 @dataclass
@@ -19,7 +20,7 @@ class Monitor:
     ----------
     show : called with every record {iteration, cost, lower_bound, seconds, stage, ...}; draws the progress
     time_limit : seconds after which `stop` becomes true; None is never
-    started : time.perf_counter() at the start
+    started : stopwatch.seconds() at the start
     history : the records so far, those of children included
     stage : what is being done, in a word
     interrupted : set by a signal handler (to the signal's number); the solver returns its best so far
@@ -30,7 +31,7 @@ class Monitor:
     show: Callable[[Mapping], None] | None = None
     time_limit: float | None = None
     interrupted: int = 0
-    started: float = field(default_factory=time.perf_counter)
+    started: float = field(default_factory=stopwatch.seconds)
     history: list[dict] = field(default_factory=list)
     stage: str = ""
     resume: Any = None
@@ -38,8 +39,8 @@ class Monitor:
 
     @property
     def seconds(self) -> float:
-        """Wall time since the start."""
-        return time.perf_counter() - self.started
+        """Wall time since the start, without compiling."""
+        return stopwatch.seconds() - self.started
 
     @property
     def timed_out(self) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.core import stopwatch
 from occontrol.core.monitor import Monitor
 from occontrol.core.result import PlainResult, ResultData
 from occontrol.core.schedule import Schedule
@@ -126,7 +126,7 @@ class Solution:
     family, method : str
     status, message : how it ended, in the vocabulary of `Status`
     iterations : int
-    seconds : wall time of the solve in seconds
+    seconds : wall time of the solve in seconds, without compiling
     numbers : the family's frozen result (cost, lower_bound, schedule, ...); `result` shows the same by name
     arrays : the family's arrays, as in arrays.npz
     schedule : Schedule or None
@@ -206,7 +206,7 @@ def make_solution(
     status, message : how it ended
     numbers : the family's result
     monitor : what watched the method; its history goes with the solution
-    began : time.perf_counter() at the start
+    began : stopwatch.seconds() at the start
     iterations : of the method, in whatever it counts
     arrays : what arrays.npz will hold, by name; for example edges (N+1,)
     schedule : on which the numbers are, if there is one
@@ -220,7 +220,7 @@ def make_solution(
         status=status,
         message=message,
         iterations=iterations,
-        seconds=time.perf_counter() - began,
+        seconds=stopwatch.seconds() - began,
         numbers=numbers,
         arrays=arrays or {},
         schedule=schedule,

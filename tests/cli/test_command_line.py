@@ -7,12 +7,14 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import occontrol
 from occontrol.api import choose_method, read_run
-from occontrol.cli import run
+from occontrol.cli import run, watch
+from occontrol.cli.watch import announce, hush
 from occontrol.core.errors import SolveFailed, UsageError
 from occontrol.core.solution import Solution, Status
 
@@ -69,7 +71,8 @@ def test_solve_writes_a_run_folder_and_prints_its_result(small_file: Path, capsy
     said = capsys.readouterr()
     content = json.loads(said.out)
     assert content == json.loads(Path("runs/radars/result.json").read_text())
-    assert said.err == ""  # nothing of the progress away from a terminal
+    # nothing of the progress away from a terminal: what is begun, if that takes a while
+    assert set(said.err.splitlines()) <= {f"solving {small_file}", "compiling (once)"}
     assert content["status"] == "certified" and content["relative_gap"] < 0.01
     made = {str(p.relative_to("runs/radars")) for p in Path("runs/radars").rglob("*") if p.is_file()}
     kept = {path for path in made if path.startswith(".runs/")}
@@ -163,6 +166,40 @@ def test_a_failed_solver_ends_with_6_without_a_run_folder(
     assert not Path("runs").exists()
 
 
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [("solve {}", "solving {}"), ("compare {} --methods greedy", "comparing methods on {}"),
+     ("tradeoff {} --weights 1:2:2 --no-figures", "tracing the front of {}"), ("certify {} {}", "certifying {}")],
+)  # fmt: skip
+def test_what_takes_a_while_says_so_while_it_still_reads(
+    command: str, line: str, small_file: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class AtOnce:
+        def __init__(self, after: float, say: Any, words: list[str], how: dict[str, Any]) -> None:
+            assert after < 0.9  # of the second in which something is said, what starting Python leaves
+            self.start = lambda: say(*words, **how)
+
+        def cancel(self) -> None:
+            pass
+
+    def fail(*_: object) -> None:
+        assert capsys.readouterr().err == line.format(small_file) + "\n"
+        raise SolveFailed("nothing is read here")
+
+    monkeypatch.setattr("occontrol.cli.watch.threading.Timer", AtOnce)
+    monkeypatch.setattr("occontrol.api.read_problem", fail)
+    assert run(command.format(small_file, small_file).split()) == 6
+    assert capsys.readouterr().err == "nothing is read here\n"
+
+
+def test_what_is_done_at_once_says_nothing_of_it(small_file: Path, capsys: Captured) -> None:
+    announce("solving it")
+    hush()
+    assert watch._pending is not None
+    watch._pending.join()
+    assert capsys.readouterr().err == ""
+
+
 def test_the_unexpected_ends_with_6_and_one_message(
     small_file: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -173,7 +210,7 @@ def test_the_unexpected_ends_with_6_and_one_message(
     monkeypatch.delenv("OCCONTROL_DEBUG", raising=False)
     assert run(["solve", str(small_file)]) == 6
     err = capsys.readouterr().err
-    assert err.startswith("unexpected ZeroDivisionError: by nothing\n") and "Traceback" not in err
+    assert "unexpected ZeroDivisionError: by nothing\n" in err and "Traceback" not in err
     monkeypatch.setenv("OCCONTROL_DEBUG", "1")
     with pytest.raises(ZeroDivisionError):
         run(["solve", str(small_file)])

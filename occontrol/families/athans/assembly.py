@@ -43,7 +43,7 @@ def assemble(
     sweep : the recursion that the method worked on, prices corrected
     found : what the method handed over
     monitor : Monitor
-    started : time.perf_counter() at the start
+    started : stopwatch.seconds() at the start
     """
     r, v, allowed = integrator.recursion, found.weights, feasible_set(problem)
     relaxed = found.relaxed

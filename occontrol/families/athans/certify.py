@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 
 import numpy as np
 
+from occontrol.core import stopwatch
 from occontrol.core.claims import Claims, false_claims
 from occontrol.core.errors import ProblemError
 from occontrol.core.monitor import Monitor
@@ -34,7 +34,7 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     Returns a Solution with method "certify"; the bound is the better of the schedule's own and a relaxation's.
     Raises ProblemError when the schedule breaks a window or does not use `select` sensors at a time.
     """
-    started = time.perf_counter()
+    started = stopwatch.seconds()
     monitor = Monitor()
     problem, weights = on_common_grid(problem, schedule)
     problem.require_feasible()

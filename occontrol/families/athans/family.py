@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from occontrol.core import stopwatch
 from occontrol.core.errors import Mistake, SolveFailed, UsageError
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
@@ -54,7 +54,7 @@ class AthansFamily(Family):
         from occontrol.families.athans.integration.refine import search_space
 
         problem.require_feasible()
-        began = time.perf_counter()
+        began = stopwatch.seconds()
         inner, units = balanced(problem)
         integrator, sweep = search_space(inner, method, monitor)
         inner = integrator.problem  # edges may have been added

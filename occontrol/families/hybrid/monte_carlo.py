@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import itertools
 import os
-import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
+from occontrol.core import stopwatch
 from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.families.hybrid.chooser import Chooser
@@ -176,14 +176,14 @@ def monte_carlo(experiment: Experiment, runs: int, monitor: Monitor | None = Non
 
     with ThreadPoolExecutor(workers) as pool:
         while done < runs and not monitor.stop:
-            began = time.perf_counter()
+            began = stopwatch.seconds()
             bounds = [min(runs, done + w * size) for w in range(workers + 1)]
             shares = [range(a, b) for a, b in itertools.pairwise(bounds) if b > a]
             fresh = list(pool.map(work, shares))
             parts += fresh
             total = sum((part.squared.sum(axis=0) for part in fresh), total)
             done = bounds[-1]
-            spent = max(time.perf_counter() - began, 1e-3)
+            spent = max(stopwatch.seconds() - began, 1e-3)
             size = int(np.clip(size * ROUND_SECONDS / spent, 1, min(4 * size, _widest(experiment))))
             monitor.report(done, float(np.mean(np.sqrt(total / done))), float("nan"), runs=runs)
     return join(parts), first

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from occontrol.core import stopwatch
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status, make_solution
@@ -61,7 +61,7 @@ def judge(problem: Problem, method: GroupMethod, monitor: Monitor) -> Solution:
 
     Raises SolveFailed when a state or an estimate leaves the range of the numbers.
     """
-    began, watch = time.perf_counter(), monitor.child(method.time_limit)
+    began, watch = stopwatch.seconds(), monitor.child(method.time_limit)
     watch.stage = watch.stage or "runs"
     tried = experiment(problem, method)
     outcomes, first = monte_carlo(tried, problem.runs, watch)
@@ -102,7 +102,7 @@ def best_of(problem: Problem, methods: Sequence[GroupMethod], monitor: Monitor) 
     methods : that use one group all the time, at least one
     monitor : Monitor, asked after every method whether to stop
     """
-    began, watch = time.perf_counter(), monitor.child()
+    began, watch = stopwatch.seconds(), monitor.child()
     solutions = []
     for method in methods:
         solutions.append(judge(problem, method, watch))
@@ -115,7 +115,7 @@ def best_of(problem: Problem, methods: Sequence[GroupMethod], monitor: Monitor) 
     return dataclasses.replace(
         best,
         message=f"{numbers.sensor} is the best of {len(solutions)} in average RMS; {best.message}",
-        seconds=time.perf_counter() - began,
+        seconds=stopwatch.seconds() - began,
         history=last_report(watch),
         numbers=numbers,
     )

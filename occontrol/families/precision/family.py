@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from occontrol.core import stopwatch
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.monitor import Monitor
@@ -53,7 +53,7 @@ class Precision(Family):
         from occontrol.families.precision.assemble import assemble
         from occontrol.families.precision.batches import solve_batches
 
-        began = time.perf_counter()
+        began = stopwatch.seconds()
         method = self.choose(problem, problem.method if method is None else method)
         mistakes = [m.under("method") for m in method.check(problem)]
         if mistakes:
@@ -61,7 +61,7 @@ class Precision(Family):
         watch = (monitor or Monitor()).child(method.time_limit)
         solved, outcomes = solve_batches(problem, method, watch)
         solution = assemble(problem, method.name, solved, outcomes, watch)
-        return dataclasses.replace(solution, seconds=time.perf_counter() - began)
+        return dataclasses.replace(solution, seconds=stopwatch.seconds() - began)
 
     def warnings(self, problem: Problem) -> list[Mistake]:
         """An ensemble that is too small for the plant."""

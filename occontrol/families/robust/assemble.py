@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from occontrol.core import stopwatch
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
@@ -55,7 +55,7 @@ def solution_of(
         schedule=schedule,
         certificate=certificate,
         monitor=monitor or Monitor(),
-        began=time.perf_counter(),
+        began=stopwatch.seconds(),
     )
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from occontrol.core import stopwatch
 from occontrol.core.errors import InfeasibleError, ProblemError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.monitor import Monitor
@@ -54,7 +54,7 @@ class Robust(Family):
         of possible states bounded for all measurements. Raises UsageError for a method of another family, ProblemError
         for options that do not fit the problem.
         """
-        began = time.perf_counter()
+        began = stopwatch.seconds()
         method = self.choose(problem, problem.method if method is None else method)
         mistakes = [m.under("method") for m in method.check(problem)]
         if mistakes:
@@ -67,7 +67,7 @@ class Robust(Family):
         else:
             watch = (monitor or Monitor()).child(method.time_limit)
             solution = method.run(problem, slots, watch)
-        return dataclasses.replace(solution, seconds=time.perf_counter() - began)
+        return dataclasses.replace(solution, seconds=stopwatch.seconds() - began)
 
     def describe(self, problem: Problem) -> list[tuple[str, str]]:
         """What `check` prints: sizes, observability, an estimate of work."""
@@ -121,8 +121,8 @@ class Robust(Family):
         """Cost, lower bound and gap of anybody's schedule, everything recomputed (certify.py)."""
         from occontrol.families.robust.certify import certify
 
-        began = time.perf_counter()
-        return dataclasses.replace(certify(problem, schedule, claims), seconds=time.perf_counter() - began)
+        began = stopwatch.seconds()
+        return dataclasses.replace(certify(problem, schedule, claims), seconds=stopwatch.seconds() - began)
 
     def claims_of(self, problem: Problem, solution: Solution) -> Claims:
         """What a run says of its sequence, for `certify` to check."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from occontrol.core import stopwatch
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
@@ -57,7 +57,7 @@ def certify(problem: Problem, schedule: Schedule, claims: Claims | None = None) 
     Raises ProblemError when the schedule is not of that kind. Movable sensors stand where the run had them, or are
     placed by the paper's rule; for them no bound is proven, because the search knows only a grid of locations.
     """
-    began = time.perf_counter()
+    began = stopwatch.seconds()
     chooser = _given(problem, schedule) if claims is None else claims.chooser
     selection = run_selection(problem.sampled, problem.starts, problem.select, chooser)
     cost = cost_of(problem, selection)

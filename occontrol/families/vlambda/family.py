@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
+from occontrol.core import stopwatch
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.monitor import Monitor
@@ -58,7 +58,7 @@ class VLambda(Family):
         would be too large, UsageError for a method of another family, ProblemError for options that do not fit.
         """
         chosen, watch = self._fitting(problem, method), (monitor or Monitor()).child()
-        began = time.perf_counter()
+        began = stopwatch.seconds()
         outcome = chosen.run(problem, watch)
         return assemble(problem, outcome, method=chosen.name, began=began, monitor=watch)
 

@@ -114,7 +114,7 @@ def assemble(problem: Problem, outcome: Outcome, *, method: str, began: float, m
     problem : Problem
     outcome : Outcome
     method : its name
-    began : time.perf_counter() at the start
+    began : stopwatch.seconds() at the start
     monitor : that watched it
     """
     selection, proof, scales = outcome.selection, outcome.proof, problem.scales
