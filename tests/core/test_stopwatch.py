@@ -2,40 +2,19 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
+import dataclasses
+import time
+import types
 from pathlib import Path
 
 import pytest
 
-from occontrol.core import stopwatch
-from occontrol.core.monitor import Monitor
-
-ROOT = Path(__file__).resolve().parents[2]
-
-# every compilation "takes" a thousand seconds; a solve whose clock counted one would be far beyond its limit
-SOLVE = """\
-import sys, time
 import occontrol as oc
 from occontrol.core import stopwatch
-from numba.core import event
+from occontrol.core.monitor import Monitor
+from occontrol.core.solution import Status
 
-class Slow(event.Listener):
-    late, compiled = 0.0, 0
-    def on_start(self, what):
-        Slow.compiled += 1
-    def on_end(self, what):
-        Slow.late += 1000.0
-
-event.register("numba:compile", Slow())
-real = time.perf_counter
-stopwatch.time.perf_counter = lambda: real() + Slow.late
-problem = oc.read_problem(sys.argv[1])
-solution = oc.solve(problem)
-print(solution.status, solution.cost, solution.seconds < 500, Slow.compiled)
-"""
-
+DATA = Path(__file__).resolve().parents[1] / "data" / "soundness"
 
 class Clock:
     """Stands in for the time module."""
@@ -117,22 +96,25 @@ def test_numba_stops_the_clock_and_says_so_once(clock: Clock) -> None:
     assert said == ["compiling"] and not stopwatch.compiling()
 
 
-def test_an_empty_cache_changes_neither_status_nor_seconds(tmp_path: Path) -> None:
-    file = tmp_path / "two.yaml"
-    file.write_text(
-        "family: robust\nhorizon: {end: 1.0, slots: 4}\n"
-        "plant: {A: [[-1, 1], [0, -1]], B: [[0.2], [0.2]], K: [[0.1, 0.1]],\n"
-        "        initial: {center: [0, 0], weight: {diag: [1, 1]}, level: 1}}\n"
-        "sensors: [{name: one, C: [[1, 0]]}, {name: two, C: [[0, 1]]}]\n"
-        "method: {name: optimal, time_limit: 500}\n"
-    )
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    said = []
-    for _ in range(2):
-        done = subprocess.run(
-            [sys.executable, "-c", SOLVE, str(file)], env=environment, capture_output=True, text=True, check=True
-        )
-        said.append(done.stdout.split())
-    cold, warm = said
-    assert cold[0] == warm[0] == "certified" and cold[1] == warm[1] and cold[2] == warm[2] == "True"
-    assert int(cold[3]) > 0 and int(warm[3]) == 0
+def test_an_empty_cache_changes_neither_status_nor_cost_nor_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    import numba
+    from numba.core import event
+
+    from occontrol.families.vlambda import sequence_search
+
+    late, real = [0.0], time.perf_counter
+    slow = type("Slow", (event.Listener,), {"on_start": lambda *_: None, "on_end": lambda *_: late.append(1000.0)})()
+    problem = oc.read_problem(DATA / "v2_time_limit_compile.yaml")
+    method = dataclasses.replace(problem.method, time_limit=500.0)  # each compilation below takes a thousand
+    warm = oc.solve(problem, method)
+    monkeypatch.setattr(sequence_search, "undominated", numba.njit(sequence_search.undominated.py_func))
+    monkeypatch.setattr(stopwatch, "time", types.SimpleNamespace(perf_counter=lambda: real() + sum(late)))
+    event.register("numba:compile", slow)
+    try:
+        cold = oc.solve(problem, method)
+    finally:
+        event.unregister("numba:compile", slow)
+    assert sum(late) >= 1000.0
+    assert cold.status is warm.status is Status.CERTIFIED and cold.message == warm.message
+    assert cold.cost == warm.cost == pytest.approx(53.62875199) and cold.certificate == warm.certificate
+    assert cold.seconds < 500.0 and all(record["seconds"] < 500.0 for record in cold.history)
