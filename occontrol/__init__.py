@@ -27,6 +27,7 @@ _COMMON: Mapping[str, tuple[str, ...]] = {
         "certify", "document", "export_run", "json_schema", "online", "plot", "read_measurements", "read_problem",
         "read_run", "read_schedule", "run_filter", "simulate", "solve", "tradeoff", "write_run",
     ),
+    "core.claims": ("Claims",),
     "core.errors": (
         "FileAccessError", "InfeasibleError", "OccontrolError", "ProblemError", "SolveFailed", "UsageError",
     ),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -92,7 +91,7 @@ def certify(problem: Any, schedule: Schedule, claims: Any = None) -> Solution:
     Raises UsageError for families without bounds.
     """
     family = require(problem, Ability.CERTIFY)
-    return dataclasses.replace(family.certify(problem, schedule, claims), problem=problem)
+    return family.certify(problem, schedule, claims)  # it carries its problem, on edges where the schedule switches
 
 
 def simulate(problem: Any, solution: Solution | None, seed: int = 0) -> tuple[list[Measurement], Any]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from occontrol.cli.output import note, print_json, print_pairs
-from occontrol.cli.solve import JsonFlag
+from occontrol.cli.solve import JsonFlag, write_with_figures
 
 
 def certify(
@@ -19,9 +19,16 @@ def certify(
             metavar="SCHEDULE", help="Schedule, csv or json; a run folder brings its own.", show_default=False
         ),
     ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Run folder to write, as solve does.")
+    ] = None,
     json: JsonFlag = False,
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the figures of --out.")] = True,
 ) -> int:
-    """Recompute cost, lower bound and gap of a schedule from the problem alone."""
+    """Recompute cost, lower bound and gap of a schedule from the problem alone.
+
+    With --out the run folder of the schedule is written: filter, export, simulate and show work on it.
+    """
     from occontrol.cli.watch import announce
 
     announce(f"certifying {file if schedule is None else schedule}")
@@ -33,6 +40,8 @@ def certify(
     from occontrol.core.solution import Status
     from occontrol.families.family import Ability
 
+    if out is not None:
+        _refuse_inputs(out, file, schedule)
     claims, listed = None, True
     if file.is_dir():
         problem, recorded = read_run(file)
@@ -67,15 +76,34 @@ def certify(
         what = "the schedule that result.json lists is not the one in arrays.npz"
         parts = [what, *([solution.message] if solution.status is Status.DISAGREES else [])]
         solution = replace(solution, status=Status.DISAGREES, message="; ".join(parts))
+    content, written = solution.as_dict(), None
+    if out is not None and solution.schedule is not None:
+        placed = write_with_figures(out, problem, solution, figures)
+        content, written = placed.content, placed.folder
+        if placed.remark:
+            note(f"{placed.remark}; " + (f"this one is in {written}" if written else "this one is not written"))
     if json:
-        print_json(solution.as_dict())
+        print_json(content)
     else:
         status = ("status", f"{solution.status}: {solution.message or solution.status.text}")
-        print_pairs([status, *family.summarise(problem, solution)])
+        where = [] if written is None else [("written", f"{written}/")]
+        print_pairs([status, *family.summarise(problem, solution), *where])
     code = solution.status.exit_code
     if code and json:
         note(solution.message or solution.status.text)
     return code
+
+
+def _refuse_inputs(out: Path, *inputs: Path | None) -> None:
+    """UsageError when the run folder that is to be written is one that is read, or holds a file that is read."""
+    from occontrol.core.errors import UsageError
+    from occontrol.files.atomic import refuse_same
+    from occontrol.files.run_folder import KNOWN
+
+    for source in inputs:
+        if source is not None and source.is_dir() and out.exists() and out.samefile(source):
+            raise UsageError(f"{out} is an input, it would be lost\n  hint: name another output")
+    refuse_same([out / name for name in KNOWN], inputs)
 
 
 def _is_listed(run: Path, problem: Any, schedule: Any) -> bool:

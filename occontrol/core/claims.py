@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from occontrol.core.solution import Certificate
 
@@ -21,6 +22,7 @@ class Claims:
     continuous_bound : in continuous time, in cost units, or None
     relative_gap : (cost - lower_bound) / |cost|, or None
     parts : further numbers by the names that they have in a result, such as prediction_error
+    choices : what repeats a run beyond its schedule, such as where movable sensors stood; in the family's own terms
     """
 
     cost: float | None = None
@@ -28,6 +30,7 @@ class Claims:
     continuous_bound: float | None = None
     relative_gap: float | None = None
     parts: Mapping[str, float] = field(default_factory=dict)
+    choices: Any = None
 
 
 def false_claims(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from occontrol.core.clock import resolution
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural, suggest
-from occontrol.core.schedule import Schedule, snap
+from occontrol.core.schedule import INTEGER, Schedule, snap
 from occontrol.core.sensor import IDLE
 from occontrol.files.positions import in_order
 
@@ -53,6 +54,33 @@ def schedule_of(segments: Sequence[Segment], problem: Any, file: str) -> Schedul
     given = Schedule(switches, np.array(weights), names)
     edges = given.common_edges(grid)
     return Schedule(edges, given.on_grid(edges, names), names)
+
+
+def as_read(schedule: Schedule, problem: Any) -> Schedule:
+    """A schedule made in Python, judged as the reader judges one in a file: the same rules in the same words,
+    with the times in place of file and line.
+
+    Parameters
+    ----------
+    schedule : sensors in any order; those that it does not name are not used, idle fills what is left
+    problem : as for `schedule_of`
+
+    Raises ProblemError as `schedule_of` does.
+    """
+    segments, first = [], 0
+    for k, weights in enumerate(schedule.weights, 1):
+        if k < len(schedule.weights) and np.array_equal(weights, schedule.weights[k]):
+            continue  # one segment, and so one mistake, for neighbours that are alike
+        used = [j for j in range(len(weights)) if abs(weights[j]) > INTEGER]
+        shares = None
+        if any(abs(weights[j] - 1) > INTEGER for j in used):
+            used = [j for j in range(len(weights)) if weights[j] != 0]  # shares keep their digits
+            shares = tuple(float(weights[j]) for j in used)
+        start, end = float(schedule.edges[first]), float(schedule.edges[k])
+        place = partial("t = {:.12g} .. {:.12g}".format, start, end)
+        segments.append(Segment(start, end, tuple(schedule.names[j] for j in used), shares, place))
+        first = k
+    return schedule_of(segments, problem, "")
 
 
 def grid_of(problem: Any) -> np.ndarray:
@@ -100,13 +128,13 @@ def _weights(segment: Segment, problem: Any, found: Collector) -> np.ndarray:
             _add(found, segment, f"there is no sensor '{name}'", suggest(name, names))
             continue
         j = names.index(name)
-        if weights[j] > 0 and name != IDLE:
+        if weights[j] > INTEGER and name != IDLE:
             _add(found, segment, f"sensor '{name}' is named twice")
-        if not 0 <= share <= (select if name == IDLE else 1) + TOTAL:
+        if not -INTEGER <= share <= (select if name == IDLE else 1) + TOTAL:
             _add(found, segment, f"the weight of sensor '{name}' is {share:g}, it must lie between 0 and 1")
         weights[j] += share
         available = getattr(problem.sensors[j], "available", None)
-        if share > 0 and available is not None and not available(segment.start, segment.end):
+        if share > INTEGER and available is not None and not available(segment.start, segment.end):
             windows = ", ".join(f"[{a:g}, {b:g}]" for a, b in problem.sensors[j].windows)
             what = f"sensor '{name}' is used from {segment.start:g} to {segment.end:g}, outside its windows"
             _add(found, segment, what, f"its windows: {windows}")

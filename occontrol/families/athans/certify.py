@@ -19,6 +19,7 @@ from occontrol.families.athans.found import Found
 from occontrol.families.athans.integration.refine import relax_and_refine
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult
+from occontrol.files.segments import as_read
 from occontrol.scheduling.relaxation import RelaxedOptions
 
 
@@ -32,11 +33,12 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     claims : what somebody says of it; refuted claims make the status `disagrees`
 
     Returns a Solution with method "certify"; the bound is the better of the schedule's own and a relaxation's.
-    Raises ProblemError when the schedule breaks a window or does not use `select` sensors at a time.
+    Raises ProblemError, in the words of the reader of schedule files, when the schedule does not cover the horizon,
+    breaks a window, names an unknown sensor or does not use `select` sensors at a time.
     """
     started = stopwatch.seconds()
     monitor = Monitor()
-    problem, weights = on_common_grid(problem, schedule)
+    problem, weights = on_common_grid(problem, as_read(schedule, problem))
     problem.require_feasible()
     if mistakes := feasible_set(problem).check(weights):
         raise ProblemError(mistakes)

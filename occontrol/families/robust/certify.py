@@ -11,14 +11,14 @@ import numpy as np
 from occontrol.core.claims import Claims, false_claims
 from occontrol.core.errors import ProblemError
 from occontrol.core.monitor import Monitor
-from occontrol.core.schedule import INTEGER, Schedule
+from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.robust.assemble import sequence_solution, unobservable_solution
 from occontrol.families.robust.problem import Problem
 from occontrol.families.robust.result import numbers_of
 from occontrol.families.robust.search import search
 from occontrol.families.robust.slots import table_of
-from occontrol.files.segments import Segment, schedule_of
+from occontrol.files.segments import as_read
 
 
 def certify(problem: Problem, schedule: Schedule, claims: Claims | None = None) -> Solution:
@@ -65,14 +65,7 @@ def on_slots(problem: Problem, schedule: Schedule) -> tuple[Problem, list[int]]:
     Raises ProblemError in the words of the reader of schedule files: times without a sensor, times beyond the horizon,
     unknown names, not exactly one sensor at a time.
     """
-    segments = []
-    for k, weights in enumerate(schedule.weights):
-        used = [j for j in range(len(weights)) if weights[j] > INTEGER]
-        whole = all(abs(weights[j] - 1) <= INTEGER for j in used)
-        shares = None if whole and used else tuple(float(weights[j]) for j in used)
-        start, end = float(schedule.edges[k]), float(schedule.edges[k + 1])
-        segments.append(Segment(start, end, tuple(schedule.names[j] for j in used), shares, str))
-    fitted = schedule_of(segments, problem, "")
+    fitted = as_read(schedule, problem)
     if not fitted.is_integer:
         raise ProblemError("the schedule does not use exactly one sensor at a time", "one sensor per slot")
     if len(fitted.edges) > len(problem.edges):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from occontrol.families.vlambda.certificate import Claims
+    from occontrol.core.claims import Claims
     from occontrol.families.vlambda.online import OnlineSelector
 
 MOST_FIXED = 12  # groups that `compare` shows one by one

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import occontrol as oc
 from occontrol.api import read_problem
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.monitor import Monitor
@@ -162,14 +163,54 @@ def test_a_schedule_is_certified_against_the_proven_optimum(oshman, solutions):
         assert vlambda.certify(oshman, solutions["fixed:two"].schedule, claims).status is Status.DISAGREES
 
 
+def test_claims_of_anybody_are_checked_and_what_is_certified_is_drawn(oshman, solutions):
+    given = solutions["fixed:two"]
+    optimum = solutions["optimal"].cost
+    true = oc.certify(oshman, given.schedule, oc.Claims(cost=given.cost, lower_bound=optimum))
+    assert true.status is Status.FEASIBLE and true.problem is oshman
+    false = oc.certify(oshman, given.schedule, oc.Claims(cost=0.9 * given.cost, lower_bound=1.5 * optimum))
+    assert false.status is Status.DISAGREES and false.status.exit_code == 7
+    assert f"the stated cost is {0.9 * given.cost:.10g}, the schedule costs {given.cost:.10g}" in false.message
+    assert f"the stated lower bound {1.5 * optimum:.10g} is not one: a known policy costs" in false.message
+    assert "gap" in vlambda.figures(oshman, true)["overview"].axes[-1].texts[1].get_text()
+    assert oc.plot(true) is not None
+
+
+def test_claims_about_other_choices_do_not_replace_the_schedule(oshman, solutions):
+    claims = vlambda.claims_of(oshman, solutions["fixed:two"])
+    judged = vlambda.certify(oshman, solutions["eigenspace"].schedule, claims)
+    assert judged.cost == pytest.approx(solutions["eigenspace"].cost, rel=1e-12)
+    assert judged.status is Status.DISAGREES and "the stated cost is" in judged.message
+
+
+def test_a_bound_above_the_cost_disagrees_and_is_not_hidden(oshman, solutions, monkeypatch):
+    optimal = Optimal().run(oshman, Monitor())
+    proof = dataclasses.replace(optimal.proof, lower_bound=2 * optimal.proof.lower_bound)
+    high = dataclasses.replace(optimal, proof=proof)
+    monkeypatch.setattr(Optimal, "run", lambda *_: high)
+    judged = vlambda.certify(oshman, solutions["eigenspace"].schedule)
+    assert judged.status is Status.DISAGREES and "lies above the cost" in judged.message
+    assert judged.result["lower_bound"] == high.proof.lower_bound
+
+
+def test_names_in_another_order_are_the_schedules_own(oshman, solutions):
+    given = solutions["eigenspace"].schedule
+    turned = Schedule(given.edges, given.weights[:, ::-1], given.names[::-1])
+    assert vlambda.certify(oshman, turned).cost == vlambda.certify(oshman, given).cost
+
+
 def test_a_schedule_of_another_kind_is_refused(oshman):
     names = tuple(oshman.sensors.names)
     with pytest.raises(ProblemError, match=r"changes inside of the epoch k = 0 \.\. 24"):
         vlambda.certify(oshman, Schedule(np.array([0.0, 20.0, 300.0]), np.eye(3)[:2], names))
-    with pytest.raises(ProblemError, match="says nothing about the epoch k = 275"):
+    with pytest.raises(ProblemError, match="nothing is scheduled between t = 275 and 300"):
         vlambda.certify(oshman, Schedule(np.array([0.0, 275.0]), np.eye(3)[:1], names))
-    with pytest.raises(ProblemError, match="uses 2 sensors at k = 0, select is 1"):
+    with pytest.raises(ProblemError, match=r"t = 0 \.\. 300: 2 sensors are named, but select is 1"):
         vlambda.certify(oshman, Schedule(np.array([0.0, 300.0]), np.array([[1.0, 1.0, 0.0]]), names))
+    with pytest.raises(ProblemError, match="the segment ends at 400, the horizon at 300"):
+        vlambda.certify(oshman, Schedule(np.array([0.0, 400.0]), np.eye(3)[:1], names))
+    with pytest.raises(ProblemError, match="shares an epoch between sensors"):
+        vlambda.certify(oshman, Schedule(np.array([0.0, 300.0]), np.array([[0.5, 0.5, 0.0]]), names))
 
 
 def test_names_that_carry_an_argument(oshman):
