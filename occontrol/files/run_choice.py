@@ -22,6 +22,7 @@ from occontrol.files.run_record import RESULT
 
 UNFINISHED = (Status.INTERRUPTED, Status.LIMIT)
 _NOT_ASKED = ("name", "method", "expect")
+_EDGES = ("edges", "switch_times")  # what the families call the times at which sensors may change
 
 
 class Place(enum.Enum):
@@ -65,11 +66,12 @@ def same_problem(posed: Mapping[str, Any], solved: Mapping[str, Any], digest: st
 
 
 def _edges(document: Mapping[str, Any]) -> list[float]:
-    return document.get("horizon", {}).get("edges", [])
+    horizon = document.get("horizon", {})
+    return next((horizon[key] for key in _EDGES if key in horizon), [])
 
 
 def _without_edges(document: Mapping[str, Any]) -> dict[str, Any]:
-    horizon = {key: value for key, value in document.get("horizon", {}).items() if key != "edges"}
+    horizon = {key: value for key, value in document.get("horizon", {}).items() if key not in _EDGES}
     return {**document, "horizon": horizon}
 
 
