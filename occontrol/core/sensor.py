@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from occontrol.core.clock import tolerance
+from occontrol.core.clock import resolution, tolerance
 from occontrol.core.errors import Collector, Mistake, ProblemError
 from occontrol.core.signal import ConstantSignal, Signal, as_signal
 
@@ -114,6 +114,26 @@ class Sensor:
             if end <= start + slack:
                 return True
         return False
+
+    def available_between(self, edges: np.ndarray) -> np.ndarray:
+        """(N,) the answers of `available` for the intervals between edges.
+
+        Parameters
+        ----------
+        edges : (N+1,) increasing
+        """
+        starts, ends = edges[:-1], edges[1:]
+        if self.windows is None:
+            return np.ones(len(starts), dtype=bool)
+        inside = np.zeros(len(starts), dtype=bool)
+        # an interval that no window meets is out, unless it is as short as what its times may lose
+        unclear = ends - starts <= 16 * resolution(edges)
+        for a, b in self.windows:
+            inside |= (a <= starts) & (ends <= b)
+            unclear |= (a < ends) & (starts < b)
+        for k in np.flatnonzero(unclear & ~inside):
+            inside[k] = self.available(float(starts[k]), float(ends[k]))
+        return inside
 
 
 def idle_sensor(states: int) -> Sensor:

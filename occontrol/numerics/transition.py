@@ -2,10 +2,10 @@
 
     F = Phi(b, a),   Q = int_a^b Phi(b, t) Xi(t) Phi(b, t)' dt
 
-Constant plants: van Loan's exponential over a short step, doubled up to the span (doubling adds positive semidefinite
-terms only, so stiff plants and long steps lose nothing). Otherwise: sixth-order Magnus steps of van Loan's system,
-spans cut where a table has its times, the number of steps doubled until F and Q stand still and A and Xi look smooth;
-where they do not (a formula with a jump or a kink), the span is halved again and again around the place.
+Constant plants: power series over a short step, doubled up to the span (short_flow.py). Otherwise: sixth-order Magnus
+steps of van Loan's system, spans cut where a table has its times, the number of steps doubled until F and Q stand still
+and A and Xi look smooth; where they do not (a formula with a jump or a kink), the span is halved again and again around
+the place.
 Source: van Loan (1978); Blanes, Casas & Ros (2000) for the Magnus coefficients.
 """
 
@@ -14,12 +14,12 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import expm
 
 from occontrol.core.errors import SolveFailed
 from occontrol.core.scaled_signal import scaled
 from occontrol.core.signal import Signal
 from occontrol.numerics.balance import StateUnits, balancing
+from occontrol.numerics.short_flow import short_flow
 
 TOLERANCE = 1e-12
 PROBED = 257  # times at which varying data is looked at for its units
@@ -88,7 +88,7 @@ def _constant(A: np.ndarray, noise: np.ndarray, lengths: np.ndarray) -> tuple[np
     Q = np.empty_like(F)
     for i, span in enumerate(spans):
         doublings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(A, 1) * span, 1e-300)))) + 1)
-        f, q = _van_loan((A * (span / 2**doublings))[None], (noise * (span / 2**doublings))[None])
+        f, q = short_flow((A * (span / 2**doublings))[None], (noise * (span / 2**doublings))[None])
         f, q = f[0], q[0]
         with np.errstate(over="ignore", invalid="ignore"):
             for _ in range(doublings):
@@ -101,19 +101,6 @@ def _constant(A: np.ndarray, noise: np.ndarray, lengths: np.ndarray) -> tuple[np
             "  hint: A has an eigenvalue too far to the right for this interval; use shorter intervals or other units"
         )
     return F[index], _semidefinite(Q)[index]
-
-
-def _van_loan(a: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """F and Q from the exponents a = A h (K, n, n) and x = Xi h (K, n, n)."""
-    n = a.shape[-1]
-    block = np.zeros((len(a), 2 * n, 2 * n))
-    block[:, :n, :n] = a
-    block[:, :n, n:] = x
-    block[:, n:, n:] = -np.swapaxes(a, 1, 2)
-    big = expm(block)
-    F = big[:, :n, :n]
-    Q = big[:, :n, n:] @ np.swapaxes(F, 1, 2)
-    return np.ascontiguousarray(F), (Q + np.swapaxes(Q, 1, 2)) / 2
 
 
 def _semidefinite(Q: np.ndarray) -> np.ndarray:
@@ -211,21 +198,16 @@ def _magnus(
     a = A.sample(times.ravel()).reshape(K, steps, 5, n, n)
     x = noise.sample(times.ravel()).reshape(K, steps, 5, n, n)
     rough = h[:, None] * np.column_stack([_roughness(a, nodes), _roughness(x, nodes)])
-    H = np.zeros((K, steps, 3, 2 * n, 2 * n))
-    H[..., :n, :n], H[..., :n, n:] = a[:, :, 1:4], x[:, :, 1:4]
-    H[..., n:, n:] = -np.swapaxes(a[:, :, 1:4], -1, -2)
-    H *= h[:, None, None, None, None]
-
-    def commutator(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return x @ y - y @ x
-
-    first, second, third = H[:, :, 0], H[:, :, 1], H[:, :, 2]
-    a1, a2, a3 = second, np.sqrt(15) / 3 * (third - first), 10 / 3 * (third - 2 * second + first)
-    c1 = commutator(a1, a2)
-    c2 = -commutator(a1, 2 * a3 + c1) / 60
-    omega = a1 + a3 / 12 + commutator(-20 * a1 - a3 + c1, a2 + c2) / 240
-    flow = omega.reshape(K * steps, 2 * n, 2 * n)
-    f, q = _van_loan(flow[:, :n, :n], flow[:, :n, n:])
+    scale = h[:, None, None, None, None]
+    # van Loan's matrices [[a, x], [0, -a']] as the pairs (a, x)
+    first, second, third = ((a[:, :, i] * scale[:, 0], x[:, :, i] * scale[:, 0]) for i in (1, 2, 3))
+    a1, a2 = second, _sum((np.sqrt(15) / 3, third), (-np.sqrt(15) / 3, first))
+    a3 = _sum((10 / 3, third), (-20 / 3, second), (10 / 3, first))
+    c1 = _commutator(a1, a2)
+    c2 = _commutator(a1, _sum((2.0, a3), (1.0, c1)))
+    last = _commutator(_sum((-20.0, a1), (-1.0, a3), (1.0, c1)), _sum((1.0, a2), (-1 / 60, c2)))
+    rate, driven = _sum((1.0, a1), (1 / 12, a3), (1 / 240, last))
+    f, q = short_flow(rate.reshape(K * steps, n, n), driven.reshape(K * steps, n, n))
     f, q = f.reshape(K, steps, n, n), q.reshape(K, steps, n, n)
     F, Q = f[:, 0], q[:, 0]
     for s in range(1, steps):
@@ -233,6 +215,21 @@ def _magnus(
         Q = step @ Q @ np.swapaxes(step, 1, 2) + q[:, s]
         F = step @ F
     return F, Q, rough
+
+
+_Pair = tuple[np.ndarray, np.ndarray]
+
+
+def _sum(*terms: tuple[float, _Pair]) -> _Pair:
+    """Linear combination of pairs (a, x)."""
+    return sum(c * a for c, (a, _) in terms), sum(c * x for c, (_, x) in terms)  # type: ignore[return-value]
+
+
+def _commutator(first: _Pair, second: _Pair) -> _Pair:
+    """Of van Loan's matrices [[a, x], [0, -a']], x symmetric: the pair of what is again such a matrix."""
+    (a, x), (b, y) = first, second
+    half = a @ y - b @ x
+    return a @ b - b @ a, half + np.swapaxes(half, -1, -2)
 
 
 def _roughness(values: np.ndarray, nodes: np.ndarray) -> np.ndarray:

@@ -34,6 +34,15 @@ def _on_face(x, listed, ends, out):
         begin = end
 
 
+@njit(**_OPTIONS)
+def _row_products(s, pairs, moved, out):
+    """out (c,) <- s' times the first c columns of pairs, of which only the rows in `moved` count."""
+    for a in range(moved.shape[0]):
+        k = moved[a]
+        for i in range(out.shape[0]):
+            out[i] += s[k] * pairs[k, i]
+
+
 class FaceBFGS:
     """The last `memory` pairs (step s, change of gradient y) and the direction they give on a face.
 
@@ -44,14 +53,13 @@ class FaceBFGS:
 
     Parameters
     ----------
-    shape : (N, M) of the policies
+    size : N M, the weights of a policy
     memory : pairs kept
     first_length : largest component of the very first step
     """
 
-    def __init__(self, shape: tuple[int, int], memory: int = 20, first_length: float = 0.3):
+    def __init__(self, size: int, memory: int = 20, first_length: float = 0.3):
         self.memory, self.first_length = memory, first_length
-        size = shape[0] * shape[1]
         self._pairs = np.zeros((size, 2 * memory))  # s, y, s, y, ..: what a face needs of them stands together
         self._SS, self._SY, self._younger = (np.zeros((memory, memory)) for _ in range(3))
         self.reset()
@@ -75,7 +83,8 @@ class FaceBFGS:
         self._order.append(slot)
         self._pairs[:, 2 * slot], self._pairs[:, 2 * slot + 1] = s, y
         moved, stored = np.flatnonzero(s), len(self._order)
-        products = s[moved] @ self._pairs[:, : 2 * stored][moved]
+        products = np.zeros(2 * stored)
+        _row_products(s, self._pairs, moved, products)
         self._SS[slot, :stored] = self._SS[:stored, slot] = products[0::2]
         self._SY[slot, :stored] = products[1::2]
         self._younger[slot], self._younger[:, slot] = 1.0, 0.0

@@ -74,6 +74,7 @@ def minimise_relaxed(
     start: np.ndarray | None = None,
     options: RelaxedOptions | None = None,
     monitor: Monitor | None = None,
+    curvature: FaceBFGS | None = None,
 ) -> RelaxedOutcome:
     """Minimise a convex J over the relaxed policies of a feasible set.
 
@@ -84,14 +85,15 @@ def minimise_relaxed(
     start : (N, M) a policy in V, or None for equal shares
     options : RelaxedOptions
     monitor : Monitor
+    curvature : pairs of an objective that differs by a linear term, which are pairs of this one, too; those found here
+        are added
 
     Returns RelaxedOutcome; status is `certified` exactly when the bound proves the target gap, `disagrees` when it lies
     above the cost by more than rounding.
     """
     options, monitor = options or RelaxedOptions(), monitor or Monitor()
     v = feasible_set.uniform() if start is None else start
-    pairs = options.memory or min(max(4 * objective.states, 80), 120)
-    memory = FaceBFGS(v.shape, max(5, min(pairs, PAIR_BYTES // (16 * v.size))))
+    memory = curvature or memory_for(objective, v.size, options.memory)
     cuts = Cuts(feasible_set)
     before = (objective.backward_count, objective.forward_count)
     J, g = objective.cost_and_gradient(v)
@@ -135,6 +137,12 @@ def minimise_relaxed(
     if certificate.contradicts:
         status = Status.DISAGREES
     return RelaxedOutcome(v, J, certificate.lower_bound, g, iteration, status, spent, stalled >= 3)
+
+
+def memory_for(objective: Objective, size: int, pairs: int | None = None) -> FaceBFGS:
+    """An empty memory of pairs for policies of `size` weights; `pairs` as in RelaxedOptions.memory."""
+    pairs = pairs or min(max(4 * objective.states, 80), 120)
+    return FaceBFGS(size, max(5, min(pairs, PAIR_BYTES // (16 * size))))
 
 
 def _wanted(J: float, slope: float, bound: float) -> float:

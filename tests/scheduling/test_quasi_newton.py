@@ -24,7 +24,7 @@ def test_the_direction_is_that_of_the_whole_matrix_on_the_face(given, seed):
     root = rng.normal(size=(N * M, N * M))
     hessian = root @ root.T + np.eye(N * M)
     allowed = IntervalPolytopes(np.ones((N, M)), 1)
-    bfgs = FaceBFGS((N, M), memory)
+    bfgs = FaceBFGS(N * M, memory)
     pairs = []
     for _ in range(given):
         s = rng.normal(size=(N, M))
@@ -54,7 +54,7 @@ def test_the_direction_is_that_of_the_whole_matrix_on_the_face(given, seed):
 
 
 def test_a_sliver_pushed_to_its_bound_gives_its_weight_to_the_anchor():
-    bfgs = FaceBFGS((1, 3))
+    bfgs = FaceBFGS(3)
     weights = np.array([[0.7, 0.3 - 1e-7, 1e-7]])
     found = bfgs.direction(weights, np.array([[0.0, 0.0, 1.0]]), IntervalPolytopes(np.ones((1, 3)), 1))
     assert found[0, 2] == -1e-7 and abs(found.sum()) < 1e-20

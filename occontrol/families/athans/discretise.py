@@ -10,6 +10,7 @@ Second order in h, convex in v exactly, and its adjoint gives the certificate of
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.recursion import Recursion
 
 NEGLIGIBLE = 1e-100
+_predicted: WeakKeyDictionary[SchedulingProblem, tuple[np.ndarray, float]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +95,14 @@ def prediction_weight(problem: SchedulingProblem) -> tuple[np.ndarray, float]:
 
     Athans (1971), equations (3.12) and (5.6); the noise term is missing in (3.12).
     """
+    if problem in _predicted:
+        return _predicted[problem]
     start, at = float(problem.edges[0]), float(problem.predict_at or 0.0)
     F, Q = transitions(problem.plant.A, problem.plant.noise, problem.elapsed[-1:], np.array([at - start]), start)
     D = problem.output.at(at)
     predicted = D @ F[0]
-    return predicted.T @ predicted, float(np.trace(D @ Q[0] @ D.T))
+    _predicted[problem] = predicted.T @ predicted, float(np.trace(D @ Q[0] @ D.T))
+    return _predicted[problem]
 
 
 def discretise(problem: SchedulingProblem, halves: HalfPredicts | None = None) -> Recursion:

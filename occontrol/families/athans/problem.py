@@ -231,7 +231,7 @@ class SchedulingProblem:
             elif sensor.windows is None:
                 upper[:, j] = 1.0
             else:
-                upper[:, j] = [sensor.available(a, b) for a, b in zip(self.edges[:-1], self.edges[1:], strict=True)]
+                upper[:, j] = sensor.available_between(self.edges)
         return upper
 
     def with_edges(self, extra: Sequence[tuple[float, str]]) -> SchedulingProblem:

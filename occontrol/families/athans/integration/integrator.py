@@ -25,6 +25,7 @@ from occontrol.scheduling.sweep import Sweep
 
 PASSES = 4
 ATTEMPTS = 3
+KEPT = 2  # evaluations that are handed out again when asked for
 # the extrapolated error goes with the square of what is extrapolated away: 1e-3 of J leaves some 1e-6 (accuracy.md)
 ROOT_SHARE = 0.3
 
@@ -78,6 +79,7 @@ class Integrator:
         self.problem, self.options = problem, problem.integration
         self.accuracy = self.options.target(relative_gap)
         self._meshes: dict[bytes, Extrapolated] = {}
+        self._evaluated: dict[bytes, Evaluation] = {}
 
     @cached_property
     def spans(self) -> Spans:
@@ -178,6 +180,14 @@ class Integrator:
         weights : (N, M)
         """
         weights = np.ascontiguousarray(weights, dtype=float)
+        key = weights.tobytes()
+        if key not in self._evaluated:
+            if len(self._evaluated) >= KEPT:
+                self._evaluated.pop(next(iter(self._evaluated)))
+            self._evaluated[key] = self._evaluate(weights)
+        return self._evaluated[key]
+
+    def _evaluate(self, weights: np.ndarray) -> Evaluation:
         N = self.problem.intervals
         if self.options.substeps is not None:
             if self.plain:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.families.athans.integration.folded import Folded
+from occontrol.scheduling.kernels_costate import costate_back
 
 BLOCK_BYTES = 3e7
 CANCEL = 100.0  # innovation from which an update is done in Joseph's form
@@ -115,6 +116,5 @@ def node_matrices(folded: Folded, weights: np.ndarray) -> tuple[np.ndarray, np.n
         charged = np.swapaxes(before, 1, 2) @ R @ before + np.swapaxes(Fa, 1, 2) @ R @ Fa
     else:
         charged = np.zeros((1, n, n))
-    for k in range(K - 1, -1, -1):
-        costate[k] = closed[k].T @ costate[k + 1] @ closed[k] + charged[k if len(charged) > 1 else 0]
+    costate_back(np.ascontiguousarray(closed), np.ascontiguousarray(charged), costate, np.empty((n, n)))
     return nodes, costate

@@ -20,7 +20,7 @@ from occontrol.families.athans.integration.folded import Extrapolated, Folded
 from occontrol.families.athans.integration.integrator import Integrator
 from occontrol.families.athans.integration.priced import Judged, PricedSweep
 from occontrol.scheduling.feasible_set import IntervalPolytopes
-from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, minimise_relaxed
+from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, memory_for, minimise_relaxed
 from occontrol.scheduling.sweep import Sweep
 
 ROUNDS = 8
@@ -48,19 +48,20 @@ def relax(
     if integrator.plain:
         found = minimise_relaxed(sweep, allowed, start, limits, monitor)
         return PricedSweep(base, base, found, found, None)
-    spent = _Spent()
+    # prices are a linear term, so what is known of the curvature stays right from round to round
+    spent, curvature = _Spent(), memory_for(sweep, sweep.recursion.cost.size)
     v = start
     if start is None:
         v = allowed.uniform()
         off = _off(integrator, v)
         if off <= integrator.accuracy:
-            inner = spent.add(minimise_relaxed(sweep, allowed, None, limits, monitor))
+            inner = spent.add(minimise_relaxed(sweep, allowed, None, limits, monitor, curvature))
             v = inner.weights
             if integrator.evaluate(v).on is None:
                 return PricedSweep(base, base, inner, inner, None)
         elif off <= FAR_SHARE:
             rough = replace(limits, relative_gap=ROUGH_FACTOR * gap)
-            v = spent.add(minimise_relaxed(sweep, allowed, None, rough, monitor)).weights
+            v = spent.add(minimise_relaxed(sweep, allowed, None, rough, monitor, curvature)).weights
     mesh = None if integrator.options.substeps else integrator.first
     last, direct = np.inf, False
     inner = None
@@ -85,7 +86,7 @@ def relax(
         else:
             objective, watch = sweep, monitor.child(silent=True)
         options = RelaxedOptions(gap, left, None, target, True)
-        inner = spent.add(minimise_relaxed(objective, allowed, v, options, watch))
+        inner = spent.add(minimise_relaxed(objective, allowed, v, options, watch, curvature))
         if inner.stalled and np.array_equal(v, inner.weights):
             break
         v, last = inner.weights, own
