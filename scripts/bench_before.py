@@ -51,10 +51,12 @@ class Edition:
 
     def solve(self, name: str) -> dict:
         """Seconds, cost and sizes of one solve."""
-        assert self.process.stdin is not None and self.process.stdout is not None
-        self.process.stdin.write(f"{self.folder / 'problems' / name}.yaml\n")
-        self.process.stdin.flush()
-        return json.loads(self.process.stdout.readline())
+        to, back = self.process.stdin, self.process.stdout
+        if to is None or back is None:
+            raise RuntimeError("the process has no pipes")
+        to.write(f"{self.folder / 'problems' / name}.yaml\n")
+        to.flush()
+        return json.loads(back.readline())
 
 
 def main() -> None:
@@ -90,8 +92,8 @@ def write(rows: list[list[str]], runs: int) -> None:
         BEGIN,
         "## Whole solves beside the edition without integration steps",
         "",
-        f"Made by `python -m scripts.bench_before` on {datetime.date.today()}: {runs} runs of each edition in turn after",
-        "two that do not count, one thread, processor seconds of `solve` (default method) on the problem as read.",
+        f"Made by `python -m scripts.bench_before` on {datetime.date.today()}: {runs} runs of each edition in turn",
+        "after two that do not count, one thread, processor seconds of `solve` (default method) on the problem as read.",
         "'before' has one step of integration an interval, so its costs are further from those of continuous time.",
         "'ratio, median' is of the pairs, 'ratio, least' that of the fastest runs.",
         "",
