@@ -93,7 +93,7 @@ def write(rows: list[list[str]], runs: int) -> None:
         "## Whole solves beside the edition without integration steps",
         "",
         f"Made by `python -m scripts.bench_before` on {datetime.date.today()}: {runs} runs of each edition in turn",
-        "after two that do not count, one thread, processor seconds of `solve` (default method) on the problem as read.",
+        "after two that do not count, one thread, processor seconds of `solve` (default method).",
         "'before' has one step of integration an interval, so its costs are further from those of continuous time.",
         "'ratio, median' is of the pairs, 'ratio, least' that of the fastest runs.",
         "",
