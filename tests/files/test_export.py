@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import re
 import shutil
@@ -15,7 +16,8 @@ import pytest
 from occontrol.api import export_run, read_schedule, write_run
 from occontrol.core.errors import FileAccessError, UsageError
 from occontrol.core.solution import Solution
-from occontrol.files.export import FORMATS
+from occontrol.files.export import FORMATS, c, npz
+from occontrol.files.export import csv as exported_csv
 
 
 @pytest.fixture
@@ -27,7 +29,7 @@ def run(tmp_path: Path, small_solution: Solution) -> Path:
 def table(path: Path) -> tuple[list[str], np.ndarray]:
     with path.open(newline="") as file:
         header, *rows = list(csv.reader(file))
-    return header, np.array([[float(x) for x in row] for row in rows])
+    return header, np.array([[float(x or "nan") for x in row] for row in rows])
 
 
 def test_csv_holds_every_array_with_its_times(run: Path, small_solution: Solution) -> None:
@@ -94,6 +96,43 @@ def test_c_holds_the_same_numbers(run: Path, small_solution: Solution) -> None:
         assert not more
         assert tuple(map(int, re.findall(r"\d+", sizes))) == array.shape
         assert np.array_equal(np.array(json.loads(body.replace("{", "[").replace("}", "]"))), array)
+
+
+def odd_arrays(solution: Solution) -> Solution:
+    """The same with an array of what is no ordinary number, one of integers, and one that needs 17 digits."""
+    odd = {"odd": np.array([[np.nan, np.inf, -np.inf], [0.1 + 0.2, 1.0, -2e-300]]), "counts": np.array([3, -1])}
+    return dataclasses.replace(solution, arrays={**solution.arrays, **odd})
+
+
+def test_c_says_what_is_no_number_and_keeps_every_digit(tmp_path: Path, small_solution: Solution) -> None:
+    c.write(small_solution.problem, odd_arrays(small_solution), {}, tmp_path / "x.h")
+    text = (tmp_path / "x.h").read_text(encoding="ascii")
+    body = "{{NAN, INFINITY, -INFINITY}, {0.30000000000000004, 1.0, -2e-300}};"
+    assert f"static const double occontrol_odd[2][3] =\n  {body}\n" in text
+    assert "static const int occontrol_counts[2] =\n  {3, -1};\n" in text
+
+
+def test_csv_and_npz_keep_them_too(tmp_path: Path, small_solution: Solution) -> None:
+    solution = odd_arrays(small_solution)
+    exported_csv.write(solution.problem, solution, {}, tmp_path / "csv")
+    header, values = table(tmp_path / "csv" / "odd.csv")
+    assert header == ["k", "odd_1", "odd_2", "odd_3"]
+    odd = solution.arrays["odd"]
+    assert np.array_equal(values[:, 1:], np.where(np.isfinite(odd), odd, np.nan), equal_nan=True)  # an empty cell
+    npz.write(solution.problem, solution, {"gain": solution.arrays["odd"]}, tmp_path / "x.npz")
+    with np.load(tmp_path / "x.npz") as file:
+        assert np.array_equal(file["odd"], solution.arrays["odd"], equal_nan=True)
+        assert np.array_equal(file["filter_gain"], solution.arrays["odd"], equal_nan=True)
+
+
+def test_intervals_begin_before_they_end_and_rows_come_before_columns(run: Path, small_solution: Solution) -> None:
+    export_run(run, "csv")
+    _, values = table(run / "csv" / "weights.csv")
+    edges = small_solution.arrays["edges"]
+    assert np.array_equal(values[:, 0], edges[:-1]) and np.array_equal(values[:, 1], edges[1:])
+    header, values = table(run / "csv" / "gains.csv")
+    assert header[2:] == ["gain_1_1", "gain_2_1"]  # two states, one value
+    assert np.array_equal(values[:, 2:], small_solution.arrays["gain"][:, :, 0])
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")

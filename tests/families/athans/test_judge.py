@@ -210,6 +210,15 @@ def test_certify_refuses_two_sensors_at_a_time():
         oc.certify(problem, Schedule(schedule.edges, np.ones((6, 3)), schedule.names))
 
 
+def test_the_relaxations_bound_is_handed_on_to_the_proof(monkeypatch):
+    problem, schedule = given()
+    real, told_bounds = assembly.prove, []
+    monkeypatch.setattr(assembly, "prove", lambda p, a, known: (told_bounds.append(known), real(p, a, known))[1])
+    found = oc.certify(problem, schedule)
+    (known,) = told_bounds
+    assert 0.99 * found.certificate.lower_bound < known == found.result["relaxed_lower_bound"]
+
+
 # ---- the status
 
 

@@ -181,6 +181,10 @@ def test_measurement_file_filter_repeats_the_run_and_bridges_gaps():
     assert found.mean[1:] == pytest.approx(runs.estimates[0], abs=1e-10)
     assert found.probabilities[1:] == pytest.approx(np.exp(runs.log_probabilities[0]), abs=1e-10)
     assert 0.5 < np.nanmean(found.nis[1:] / found.dimension[1:]) < 1.6
+    # k = 0 is the plant's own start, before anything is known
+    assert np.array_equal(found.covariance[0], experiment.plant.covariance)
+    assert np.array_equal(found.mean[0], experiment.plant.mean)
+    assert np.array_equal(found.probabilities[0], experiment.plant.probabilities)
     del readings[50]
     gap = filter_measurements(experiment.plant, experiment.sensors, 110, readings)
     assert np.isnan(gap.nis[50])

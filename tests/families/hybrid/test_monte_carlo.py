@@ -106,6 +106,20 @@ def test_standard_errors_are_those_of_repeated_experiments():
     assert rms(draw()).shape == (20,)
 
 
+def test_the_standard_error_is_the_jackknifes_by_hand():
+    """se^2 = (R - 1)/R sum_i (s_i - mean s)^2, every s_i from the runs without run i."""
+    squared = np.random.default_rng(1).chisquare(2, size=(7, 4))
+    for summary in (np.mean, np.max):
+        without = []
+        for i in range(7):
+            curve = [math.sqrt(sum(squared[r, k] for r in range(7) if r != i) / 6) for k in range(4)]
+            without.append(float(summary(curve)))
+        error = math.sqrt(6 / 7 * sum((s - sum(without) / 7) ** 2 for s in without))
+        value = float(summary([math.sqrt(sum(squared[:, k]) / 7) for k in range(4)]))
+        found = average_with_error(squared, lambda r, of=summary: of(r, axis=-1))
+        assert found == (pytest.approx(value, rel=1e-12), pytest.approx(error, rel=1e-9))
+
+
 def test_a_single_run_has_no_standard_error():
     result = summarise_runs(monte_carlo(target(Chooser()), 1)[0])
     assert math.isnan(result["average_rms_standard_error"])

@@ -45,3 +45,14 @@ def test_plain_moments_have_nothing_to_simulate(tmp_path):
     problem = load(tmp_path, MOMENTS)
     with pytest.raises(UsageError, match="no plant to simulate"):
         precision.simulate(problem, precision.solve(problem), 0)
+
+
+def test_what_is_said_of_several_batches_is_what_they_say_together(tmp_path):
+    problem = load(tmp_path, BASE + "batches: 3\n")
+    found = precision.solve(problem)
+    r, arrays = found.result, found.arrays
+    apart = arrays["estimate"] - arrays["truth"]
+    assert r["rms_error"] == pytest.approx(float(np.sqrt(np.mean(apart**2))), rel=1e-12)
+    assert r["lower_bound"] == pytest.approx(sum(batch["lower_bound"] for batch in r["batches"]), rel=1e-14)
+    assert r["objective"] == pytest.approx(sum(batch["objective"] for batch in r["batches"]), rel=1e-14)
+    assert r["objective"] * (1 - 1e-3) < r["lower_bound"] < r["objective"]

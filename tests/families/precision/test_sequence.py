@@ -6,7 +6,7 @@ import pytest
 from occontrol.families.precision.ensemble import EnsembleFilter
 from occontrol.families.precision.linearised import linearise_batch, undetectable_modes
 from occontrol.families.precision.program import Program, relative_margin, solve_program
-from occontrol.families.precision.sequence import observe, run_sequence, simulate_truth
+from occontrol.families.precision.sequence import innovation_squared, observe, run_sequence, simulate_truth
 from occontrol.families.precision.unscented import UnscentedFilter
 from tests.families.precision.linear_judge import linear
 
@@ -26,6 +26,19 @@ def test_every_batch_keeps_the_bound(options):
         assert relative_margin(outcome.filter_covariance, BOUND) >= -1e-8
         measured = np.isfinite(outcome.observed)
         assert np.array_equal(measured, outcome.chosen.precisions > 0)
+
+
+def test_the_innovation_is_measured_by_its_own_covariance():
+    """nu' (Y + R)^-1 nu with R the inverse of the precisions, of what is in use only."""
+    forecast = UnscentedFilter().start(*linear()).forecast(2)
+    off = np.array([0.5, -1.0, 2.0, 0.3])
+    observed = forecast.measurement_mean + off
+    for precisions in (np.array([2.0, 0.0, 0.5, 4.0]), np.array([0.0, 0.0, 3.0, 0.0]), np.array([1.0, 1e3, 1.0, 1e-3])):
+        used = precisions > 0
+        spread = forecast.moments.measurement[np.ix_(used, used)] + np.diag(1 / precisions[used])
+        expected = off[used] @ np.linalg.inv(spread) @ off[used]
+        assert innovation_squared(forecast, precisions, observed) == pytest.approx(expected, rel=1e-10)
+    assert np.isnan(innovation_squared(forecast, np.zeros(4), observed))
 
 
 @pytest.mark.slow
