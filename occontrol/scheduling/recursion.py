@@ -8,7 +8,7 @@ schedule may be. J stays convex in the policy, since repeating rows is linear.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -120,7 +120,3 @@ class Recursion:
         values : (K, ...) one row for every step
         """
         return values if self.owner is None else np.add.reduceat(values, self.first_steps, axis=0)
-
-    def with_cost_weight(self, factor: float) -> Recursion:
-        """The same with every observation cost multiplied by `factor` (warm starts along alpha)."""
-        return replace(self, cost=self.cost * factor)

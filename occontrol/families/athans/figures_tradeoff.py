@@ -26,7 +26,8 @@ def draw(front: Front) -> dict[str, Figure]:
 
 def _front(front: Front) -> Figure:
     gaps = (front.schedules.cost - front.lower_bound) / np.abs(front.schedules.cost)
-    subtitle = f"{len(gaps)} cost weights; no schedule on this grid lies in the shaded region"
+    where = "" if front.of == "continuous" else " on this grid"
+    subtitle = f"{len(gaps)} cost weights; no schedule{where} lies in the shaded region"
     figure = style.new_figure((13.33, 6.8), front.problem.name, subtitle)
     left, right = figure.subplots(1, 2, width_ratios=[2, 1])
     q, e = front.schedules.observation_cost, front.schedules.error

@@ -2,11 +2,11 @@
 
 For each alpha the relaxation is solved, started from its neighbour's answer, rounded and polished. A policy found for
 one alpha is a policy for all of them, so each alpha finally takes the best of all that were found: observation cost q
-then falls and error e rises with alpha, on a convex curve. Every bound L(alpha) holds for every schedule on the grid,
+then falls and error e rises with alpha, on a convex curve. Every bound L(alpha) holds for every schedule,
     e >= L(alpha) - alpha q,
 so the upper envelope of these lines lies below any point (q, e) that a schedule can reach.
-Costs and bounds are those of the recursion with one step an interval, on the edges of the file and of its windows:
-`solve` integrates in finer steps, so on a coarse grid its cost of the same schedule differs.
+Costs and bounds are those that `solve` shows at the top: of continuous time, so the bounds hold whenever a schedule
+switches. Edges are those of the file and of its windows; none is added for accuracy, for all alphas share them.
 Athans (1971), sections 1 and 8.
 """
 
@@ -17,18 +17,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from occontrol.core.errors import ProblemError
+from occontrol.core.errors import ProblemError, SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Status
 from occontrol.families.athans.balanced import balanced
-from occontrol.families.athans.discretise import discretise, feasible_set, prediction_weight
+from occontrol.families.athans.certificate import judge
+from occontrol.families.athans.discretise import feasible_set, prediction_weight
+from occontrol.families.athans.integration.integrator import Integrator
+from occontrol.families.athans.integration.path import parts_of
+from occontrol.families.athans.integration.relaxed import relax
+from occontrol.families.athans.methods import RelaxRoundPolish
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.hminimal import polish
-from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
-from occontrol.scheduling.sweep import Sweep
-
-POLISH_ROUNDS = 200
+from occontrol.scheduling.proof import prove
+from occontrol.scheduling.relaxation import RelaxedOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +61,11 @@ class Front:
     cost_weights : (A,) alpha, increasing
     schedules : Policies, one sensor (or `select` of them) at a time
     relaxed : Policies, shares of time: what ever faster switching comes close to
-    lower_bound : (A,) no schedule on the grid has a smaller alpha q + e
+    lower_bound : (A,) no schedule has a smaller alpha q + e
     later_noise : what the plant's noise after T adds to the predicted error of every schedule
-    status : certified, limit or interrupted
+    status : the worst of the points, or interrupted
+    of : "continuous" where costs and bounds are those of continuous time, "grid" where that check did not finish for
+        some alpha, and bounds hold for changes at the edges only
     """
 
     problem: SchedulingProblem
@@ -71,9 +75,10 @@ class Front:
     lower_bound: np.ndarray
     later_noise: float
     status: Status
+    of: str = "continuous"
 
     def least_error(self, observation_cost: np.ndarray) -> np.ndarray:
-        """The error below which no schedule on the grid of this observation cost comes.
+        """The error below which no schedule of this observation cost comes.
 
         Parameters
         ----------
@@ -113,6 +118,7 @@ class Front:
             "family": self.problem.family,
             "name": self.problem.name,
             "status": str(self.status),
+            "of": self.of,
             "points": points,
         }
 
@@ -130,53 +136,96 @@ def tradeoff(problem: SchedulingProblem, cost_weights: Sequence[float], monitor:
     """
     monitor = (monitor or Monitor()).child()
     problem.require_feasible()
-    allowed = feasible_set(problem)
-    base = Sweep(discretise(balanced(replace(problem, cost_weight=1.0))[0]))
-    rates = base.recursion.cost
-    if not np.any(rates * (problem.upper > 0)):
+    if not any(np.any(s.cost.sample(problem.midpoints)) for s in problem.sensors if s.rows):
         raise ProblemError("no sensor costs anything: there is nothing to trade", "give the sensors a cost")
-    options = RelaxedOptions(getattr(problem.method, "relative_gap", 1e-4))
+    inner = balanced(replace(problem, cost_weight=1.0))[0]
+    gap = getattr(problem.method, "relative_gap", 1e-4)
     status, start = Status.CERTIFIED, None
-    done: list[float] = []
-    relaxed, schedules, bounds = [], [], []
+    points: list[_Point] = []
     for alpha in sorted(set(float(a) for a in cost_weights)):
         monitor.stage = f"alpha {alpha:.3g}"
-        sweep = Sweep(base.recursion.with_cost_weight(alpha))
-        found = minimise_relaxed(sweep, allowed, start, options, monitor)
-        if found.status is Status.INTERRUPTED and done:
+        point = _point(replace(inner, cost_weight=alpha), gap, start, monitor)
+        if point.status is Status.INTERRUPTED and points:
             status = Status.INTERRUPTED
             break
-        start = found.weights
-        rounded = allowed.round(found.weights)
-        schedules.append(polish(sweep, allowed, rounded, POLISH_ROUNDS, monitor).weights)
-        relaxed.append(found.weights)
-        bounds.append(found.lower_bound)
-        done.append(alpha)
-        if found.status is not Status.CERTIFIED:
-            status = found.status
+        points.append(point)
+        start = point.relaxed.weights
+        if point.status is not Status.CERTIFIED:
+            status = point.status
         if monitor.stop:
             break
-    alphas = np.array(done)
-    best = _best_for_each(base, alphas, relaxed)
+    alphas = np.array([point.cost_weight for point in points])
+    best = _best_for_each(alphas, [point.relaxed for point in points])
+    bounds = np.array([point.lower_bound for point in points])
     return Front(
         problem,
         alphas,
-        _best_for_each(base, alphas, schedules),
+        _best_for_each(alphas, [point.schedule for point in points]),
         best,
-        np.minimum(_concave(alphas, np.array(bounds)), best.cost),
+        np.minimum(_concave(alphas, bounds), best.cost),
         prediction_weight(problem)[1],
         status,
+        "continuous" if all(point.continuous for point in points) else "grid",
     )
 
 
-def _best_for_each(base: Sweep, alphas: np.ndarray, policies: list[np.ndarray]) -> Policies:
+@dataclass(frozen=True, eq=False)
+class _Policy:
+    """A policy (N, M), its observation cost q before it is weighted, and its error e."""
+
+    weights: np.ndarray
+    observation_cost: float
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """What was found for one alpha; `continuous` is whether bound and costs are those of continuous time."""
+
+    cost_weight: float
+    schedule: _Policy
+    relaxed: _Policy
+    lower_bound: float
+    status: Status
+    continuous: bool
+
+
+def _point(problem: SchedulingProblem, gap: float, start: np.ndarray | None, monitor: Monitor) -> _Point:
+    """Relax, round, polish and certify as `solve` does, with no further edge: all alphas share theirs."""
+    alpha, allowed = problem.cost_weight, feasible_set(problem)
+    integrator = Integrator(problem, gap)
+    sweep = relax(integrator, RelaxedOptions(gap), monitor, start)
+    found = RelaxRoundPolish(relative_gap=gap).run(problem, sweep, allowed, monitor)
+    evaluated, relaxed = (integrator.evaluate(v) for v in (found.weights, sweep.outcome.weights))
+    known = [each.judged(integrator.recursion) for each in (evaluated, relaxed)]
+    proof = prove(known, allowed, sweep.outcome.lower_bound)
+    cost, bound, status, continuous = proof.certificate.cost, proof.certificate.lower_bound, found.status, False
+    try:
+        judged = judge(problem, evaluated.weights, cost, relaxed.weights, evaluated.error)
+    except SolveFailed:  # the numbers on the grid stand all the same
+        status = Status.FEASIBLE if status is Status.CERTIFIED else status
+    else:
+        cost, bound, continuous = judged.certificate.cost, judged.certificate.lower_bound, True
+        if not judged.agrees or proof.certificate.contradicts:
+            status = Status.DISAGREES
+    if status is Status.CERTIFIED and not proof.resolved(gap):
+        status = Status.FEASIBLE
+    q, shared = (parts_of(integrator, each).observation / alpha for each in (evaluated, relaxed))
+    schedule = _Policy(evaluated.weights, q, cost - alpha * q)
+    return _Point(
+        alpha, schedule, _Policy(relaxed.weights, shared, relaxed.cost - alpha * shared), bound, status, continuous
+    )
+
+
+def _best_for_each(alphas: np.ndarray, policies: list[_Policy]) -> Policies:
     """For each alpha the best of all policies: q falls and e rises along a convex curve, by construction."""
-    q = np.array([float(np.vdot(base.recursion.cost, v)) for v in policies])
-    e = np.array([base.cost(v) for v in policies]) - q
+    q = np.array([policy.observation_cost for policy in policies])
+    e = np.array([policy.error for policy in policies])
     table = alphas[:, None] * q + e
     # ties go to the smaller observation cost, so that equal costs do not break the order
     chosen = np.array([min(range(len(q)), key=lambda i, row=row: (row[i], q[i])) for row in table])
-    return Policies(np.array(policies)[chosen], q[chosen], e[chosen], table[np.arange(len(alphas)), chosen])
+    weights = np.array([policy.weights for policy in policies])[chosen]
+    return Policies(weights, q[chosen], e[chosen], table[np.arange(len(alphas)), chosen])
 
 
 def _concave(alphas: np.ndarray, bounds: np.ndarray) -> np.ndarray:

@@ -10,7 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import occontrol
+from occontrol.core.plant import LinearPlant
 from occontrol.core.schedule import Schedule
+from occontrol.core.sensor import Sensor
 from occontrol.families.athans.discretise import discretise, half_predicts
 from occontrol.families.athans.filter.online import make_plan
 from occontrol.families.athans.filter.predictor import make_predictor
@@ -18,15 +20,12 @@ from occontrol.families.athans.filter.sampled_model import exact_model, split_mo
 from occontrol.families.athans.filter.simulate import draw, simulate
 from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.node_path import node_path
+from occontrol.families.athans.problem import SchedulingProblem
 from tests.families.athans.scheduling_cases import cycling, moving
 
 
 def test_exact_model_of_the_integrator_is_known_in_closed_form():
     """dx = xi, z = average of x: cov(x+, z) and var z of a Wiener process are h/2 and h/3."""
-    from occontrol.core.plant import LinearPlant
-    from occontrol.core.sensor import Sensor
-    from occontrol.families.athans.problem import SchedulingProblem
-
     problem = SchedulingProblem("walk", LinearPlant(0, 3.0, 1.0, [2.0]), [Sensor("meter", 2.0, 0.7)], [0.0, 0.5], 1)
     model = exact_model(problem, Schedule(problem.edges, [[1.0]], ("meter",)))
     assert model.observe[0] == pytest.approx(2.0)
@@ -187,3 +186,22 @@ def test_the_run_folders_gains_are_the_filters(small_solution):
         np.testing.assert_allclose(plan.gain[k], wanted, rtol=1e-10, atol=1e-12)
         checked += m
     assert checked > 5
+
+
+@pytest.mark.parametrize("model_of", [exact_model, split_model])
+def test_unix_time_stamps_lose_no_digit_of_the_lengths(model_of):
+    """Hundredths of a second at 1.7e9 are off by 2e-5 of themselves, and the sampled models must not see that."""
+    origin, steps = 1.7e9, 100
+    plant = LinearPlant([[0, 1], [-4, -0.2]], [[0, 0], [0, 0.4]], np.eye(2), B=[[0], [1]], input=[[2.0]])
+    sensors = [Sensor("near", [[1, 0]], 0.3, 1.0), Sensor("far", [[0, 1]], 0.2, 0.4)]
+    found = []
+    for start in (0.0, origin):
+        edges = start + np.linspace(0.0, 1.0, steps + 1)
+        problem = SchedulingProblem("clock", plant, sensors, edges, [[1, 0]], predict_at=start + 1.5)
+        weights = np.eye(2)[np.arange(steps) % 2]
+        found.append((problem, model_of(problem, Schedule(problem.edges, weights, ("near", "far")))))
+    (first, here), (second, there) = found
+    for name in ("transition", "input", "noise", "observe", "offset", "reading_noise", "cross"):
+        a, b = (np.array(getattr(model, name)) for model in (here, there))
+        np.testing.assert_allclose(b, a, rtol=1e-12, atol=1e-14 * np.max(np.abs(a)))
+    np.testing.assert_allclose(make_predictor(second, there).noise, make_predictor(first, here).noise, rtol=1e-12)

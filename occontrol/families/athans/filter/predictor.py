@@ -52,11 +52,11 @@ def make_predictor(problem: SchedulingProblem, model: SampledModel) -> Predictor
     problem : SchedulingProblem
     model : SampledModel with N intervals and n states
     """
-    at = float(problem.predict_at)  # type: ignore[arg-type]
+    at, end = float(problem.predict_at), float(model.edges[-1])  # type: ignore[arg-type]
     D = problem.output.at(at)
     N, (p, n) = model.intervals, D.shape
     matrix, offset, noise = np.empty((N + 1, p, n)), np.empty((N + 1, p)), np.empty((N + 1, p, p))
-    phi, push, gram = (part[0] for part in driven_transitions(problem.plant, model.edges[-1:], np.array([at])))
+    phi, push, gram = (part[0] for part in driven_transitions(problem.plant, np.zeros(1), np.array([at - end]), end))
     matrix[N], offset[N], noise[N] = D @ phi, D @ push, D @ gram @ D.T
     for k in range(N - 1, -1, -1):
         later = matrix[k + 1]

@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from occontrol.core.clock import elapsed, lengths
 from occontrol.core.plant import LinearPlant
 from occontrol.core.schedule import Schedule
 from occontrol.core.sensor import Sensor
@@ -145,16 +146,19 @@ class _Padded(Signal):
         return self.noise.breakpoints
 
 
-def driven_transitions(plant: LinearPlant, starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, ...]:
+def driven_transitions(
+    plant: LinearPlant, starts: np.ndarray, ends: np.ndarray, origin: float = 0.0
+) -> tuple[np.ndarray, ...]:
     """Phi (K, n, n), int Phi B u dt (K, n) and int Phi Xi Phi' dt (K, n, n) of K spans.
 
     Parameters
     ----------
     plant : LinearPlant with n states
-    starts, ends : (K,) spans
+    starts, ends : (K,) spans, counted from `origin` so that they keep their digits
+    origin : a time
     """
     n = plant.states
-    F, Q = transitions(_Augmented(plant), _Padded(plant.noise, n + 1), starts, ends)
+    F, Q = transitions(_Augmented(plant), _Padded(plant.noise, n + 1), starts, ends, origin)
     return F[:, :n, :n], F[:, :n, n], Q[:, :n, :n]
 
 
@@ -167,7 +171,8 @@ def exact_model(problem: SchedulingProblem, schedule: Schedule) -> SampledModel:
     schedule : Schedule over its horizon; weights may be fractional
     """
     schedule.require_horizon(problem.edges)
-    plant, n, h = problem.plant, problem.states, np.diff(schedule.edges)
+    plant, n, h, since = problem.plant, problem.states, lengths(schedule.edges), elapsed(schedule.edges)
+    origin = float(schedule.edges[0])
     active, theta = _in_use(problem, schedule)
     N = len(h)
     F, g, Q = np.empty((N, n, n)), np.empty((N, n)), np.empty((N, n, n))
@@ -176,7 +181,7 @@ def exact_model(problem: SchedulingProblem, schedule: Schedule) -> SampledModel:
         which = np.array([k for k in range(N) if active[k] == together])
         signal = _Augmented(plant, [problem.sensors[j] for j in together])
         noise = _Padded(plant.noise, signal.shape[0])
-        phi, gram = transitions(signal, noise, schedule.edges[which], schedule.edges[which + 1])
+        phi, gram = transitions(signal, noise, since[which], since[which + 1], origin)
         F[which], g[which], Q[which] = phi[:, :n, :n], phi[:, :n, n], gram[:, :n, :n]
         for k, f, q in zip(which, phi, gram, strict=True):
             reading_noise = q[n + 1 :, n + 1 :] / h[k] ** 2 + theta[k]
@@ -200,8 +205,9 @@ def split_model(problem: SchedulingProblem, schedule: Schedule) -> SampledModel:
     F, Q = halves.transition[halves.index], halves.noise[halves.index]
     push = np.zeros((2 * N, n))
     if plant.B is not None:
-        nodes = np.column_stack([problem.edges[:-1], problem.midpoints, problem.edges[1:]])
-        push = driven_transitions(plant, nodes[:, :2].ravel(), nodes[:, 1:].ravel())[1]
+        since = problem.elapsed
+        nodes = np.column_stack([since[:-1], (since[1:] + since[:-1]) / 2, since[1:]])
+        push = driven_transitions(plant, nodes[:, :2].ravel(), nodes[:, 1:].ravel(), float(problem.edges[0]))[1]
     active, theta = _in_use(problem, schedule)
     Fa, Fb, Qa, Qb, ga, gb = F[0::2], F[1::2], Q[0::2], Q[1::2], push[0::2], push[1::2]
     flow = Fb @ Fa, (Fb @ ga[:, :, None])[..., 0] + gb, Fb @ Qa @ np.swapaxes(Fb, 1, 2) + Qb
@@ -219,7 +225,7 @@ def _in_use(problem: SchedulingProblem, schedule: Schedule) -> tuple[list[tuple[
     weights = schedule.on_grid(edges, problem.sensors.names)
     samples = [sensor.noise.sample((edges[1:] + edges[:-1]) / 2) for sensor in problem.sensors]
     active, blocks = [], []
-    for k, h in enumerate(np.diff(edges)):
+    for k, h in enumerate(lengths(edges)):
         used = tuple(j for j, s in enumerate(problem.sensors) if s.rows and weights[k, j] > USED)
         block = np.zeros((sum(problem.sensors[j].rows for j in used),) * 2)
         at = 0
