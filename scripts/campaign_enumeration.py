@@ -125,6 +125,8 @@ def main() -> None:
         table[regime] += row
         for fault in faults:
             print(i, regime, "one step" if plain else "integrated", fault, flush=True)
+        if (i + 1 - first) % 10 == 0:
+            print(i + 1 - first, "problems:", dict(sum(table.values(), Counter())), flush=True)
     for regime, row in table.items():
         print(regime, dict(row))
     print("all", dict(sum(table.values(), Counter())))
