@@ -65,7 +65,7 @@ def arrange(
             if k and abs(ends[k - 1] - t) < abs(ends[k] - t):
                 k -= 1
             if abs(ends[k] - t) > slack * lengths[k] + 4 * np.spacing(abs(t)):
-                mistake = _misplaced(times, ends, slack * lengths[-1], instants, name, t)
+                mistake = _misplaced(times, slack * lengths[-1], instants, name, t)
             else:
                 j = place_of[name]
                 allowed = None if in_use is None else in_use[k]
@@ -94,7 +94,7 @@ def _gaps(times: np.ndarray) -> np.ndarray:
     return np.minimum(np.append(gaps, np.inf), np.append(np.inf, gaps))
 
 
-def _misplaced(times: np.ndarray, ends: np.ndarray, slack: float, instants: bool, name: str, t: float) -> Mistake:
+def _misplaced(times: np.ndarray, slack: float, instants: bool, name: str, t: float) -> Mistake:
     """What is wrong with a time that belongs nowhere."""
     head = f"the sample of sensor '{name}' at t = {t:.9g}"
     before_all = t < times[0] - slack if instants else t <= times[0]

@@ -46,7 +46,7 @@ def schedule_of(segments: Sequence[Segment], problem: Any, file: str) -> Schedul
     if not segments:
         raise ProblemError(Mistake((), "the schedule has no segment", place=file))
     grid = grid_of(problem)
-    switches = _switches(segments, grid, found, file)
+    switches = _switches(segments, grid, found)
     weights = [_weights(segment, problem, found) for segment in segments]
     if found.mistakes:
         raise in_order(found.mistakes)
@@ -89,7 +89,7 @@ def grid_of(problem: Any) -> np.ndarray:
     return np.asarray(getattr(problem, "starts", ()) if edges is None else edges, dtype=float)
 
 
-def _switches(segments: Sequence[Segment], edges: np.ndarray, found: Collector, file: str) -> np.ndarray:
+def _switches(segments: Sequence[Segment], edges: np.ndarray, found: Collector) -> np.ndarray:
     """The K+1 times between the K segments, moved onto edges of the grid that they nearly meet."""
     slack = JOIN * (edges[-1] - edges[0]) + resolution(edges)
     times = [float(edges[0])]

@@ -137,18 +137,6 @@ def normalised_square(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.sum(white[..., 0] ** 2, axis=-1)
 
 
-def normalised_square_of_root(error: np.ndarray, root: np.ndarray) -> float:
-    """e' (D D')^-1 e = |D^-1 e|^2 of one error, from the triangle that a square-root filter keeps.
-
-    Parameters
-    ----------
-    error : (n,)
-    root : (n, n) D, lower triangular, nonsingular
-    """
-    white = solve_lower(root, np.asarray(error, dtype=float)[:, None])
-    return float(np.sum(white**2))
-
-
 def whitener(covariance: np.ndarray, rank: float = 1e-12) -> np.ndarray:
     """V (n, r) with V V' the pseudo-inverse of a positive semidefinite P, formed in units of the standard deviations.
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.scheduling.feasible_set import FeasibleSet
+from occontrol.scheduling.objective import RecursiveObjective
 from occontrol.scheduling.recursion import Recursion
-from occontrol.scheduling.sweep import Sweep
 
 
 def _by_priority(feasible_set: FeasibleSet, priority: np.ndarray) -> np.ndarray:
@@ -14,12 +14,12 @@ def _by_priority(feasible_set: FeasibleSet, priority: np.ndarray) -> np.ndarray:
     return feasible_set.vertex(np.broadcast_to(priority, feasible_set.shape).astype(float))
 
 
-def best_single(sweep: Sweep, feasible_set: FeasibleSet) -> np.ndarray:
+def best_single(sweep: RecursiveObjective, feasible_set: FeasibleSet) -> np.ndarray:
     """The best fixed set of sensors, built one sensor at a time; a sensor out of its window is replaced by the next.
 
     Parameters
     ----------
-    sweep : Sweep
+    sweep : Sweep, or another objective on a recursion
     feasible_set : FeasibleSet of the policies
 
     Returns (N, M) integral policy.

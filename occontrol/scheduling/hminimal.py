@@ -15,9 +15,10 @@ import numpy as np
 from occontrol.core.monitor import Monitor
 from occontrol.scheduling.exchange import best_exchanges
 from occontrol.scheduling.feasible_set import FeasibleSet
+from occontrol.scheduling.objective import Objective
 from occontrol.scheduling.sweep import Sweep
 
-MOST_FLOPS = 2e10  # flops, or their like, that trying exchanges one by one may take
+MOST_FLOPS = 2e10  # floating-point operations that trying exchanges one at a time may take
 
 
 @dataclass
@@ -41,7 +42,7 @@ class SweepOutcome:
 
 
 def h_minimal(
-    sweep: Sweep,
+    sweep: Objective,
     feasible_set: FeasibleSet,
     start: np.ndarray,
     max_iterations: int = 500,

@@ -6,6 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
+from occontrol.scheduling.recursion import Recursion
+
 
 class Objective(Protocol):
     """A convex function of policies (N, M), such as scheduling/sweep.py or the exact slots of the robust family.
@@ -33,3 +35,15 @@ class Objective(Protocol):
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
         """J and dJ/dv (N, M) of a policy, `weights` (N, M)."""
         ...
+
+
+class RecursiveObjective(Objective, Protocol):
+    """An objective whose decisions are those of a recursion.
+
+    Attributes
+    ----------
+    recursion : Recursion with one step an interval
+    """
+
+    @property
+    def recursion(self) -> Recursion: ...

@@ -148,7 +148,7 @@ def memory_for(objective: Objective, size: int, pairs: int | None = None) -> Fac
 def _wanted(J: float, slope: float, bound: float) -> float:
     """The cost that a step must reach: Armijo's share of the slope, or of all that there is left to save.
 
-    An unstable plant unobserved for long has slopes that are right only for steps far below rounding.
+    Where an unstable plant is unobserved for long, the gradient is valid only for steps smaller than rounding.
     """
     return J + 1e-4 * max(slope, bound - J)
 

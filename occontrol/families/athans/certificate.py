@@ -30,9 +30,9 @@ def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: 
     """Estimated |J(h) - J(0)| of a policy (N, M): the change when every interval is halved, once and once more.
 
     The scheme is of second order, so the change after p halvings is multiplied by 4^p/(4^p - 1). On a grid too coarse
-    for that order a halving may change little by chance: hence the larger of the two, and hence few intervals are
-    halved on, until a halving changes less than half of what the one before it did. Where a table jumps within an
-    interval the scheme is of first order only and a halving may miss it: such times become edges at the first one.
+    for that order a halving may change little by chance. So we take the larger of two estimates and, below SMALL_GRID
+    intervals, keep halving until the change itself has halved. Where a table jumps within an interval the scheme is of
+    first order only, and a halving may miss the jump: such times become edges at the first halving.
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ def _edges(horizon: Horizon, context: Context) -> Any:
 
 
 def _plant(entry: Plant, context: Context) -> LinearPlant | None:
-    """The plant; with stand-ins for what is wrong (that is noted), as long as A can be had."""
+    """The plant, with stand-ins for wrong parts, which are noted, as long as A can be read."""
     A = context.signal(entry.A, "plant", "A")
     parts: dict[str, Any] = {
         "noise": context.signal(entry.noise, "plant", "noise"),

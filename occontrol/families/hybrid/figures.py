@@ -178,7 +178,7 @@ def trajectory_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
             axes.set_aspect("equal", adjustable="datalim")
         right = truth[0, a] > np.mean([np.min(truth[:, a]), np.max(truth[:, a])])
         axes.annotate(
-            "start", truth[0, [a, b]], textcoords="offset points", xytext=(-7 if right else 7, 7),
+            "start", (truth[0, a], truth[0, b]), textcoords="offset points", xytext=(-7 if right else 7, 7),
             ha="right" if right else "left",
         )  # fmt: skip
         axes.set_xlabel(names[a])

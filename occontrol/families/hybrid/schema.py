@@ -152,7 +152,7 @@ def build(document: Document, context: Context) -> Problem:
 
 
 def _plant(document: Document, context: Context) -> JumpPlant | None:
-    """The plant, or one that differs in what is wrong (that is noted); None when no mode can be had."""
+    """The plant, with stand-ins for wrong parts, which are noted; None when no mode can be built."""
     found, initial = context.found, document.initial
     modes = [_mode(entry, j, context) for j, entry in enumerate(document.modes)]
     known = next((mode for mode in modes if mode is not None), None)

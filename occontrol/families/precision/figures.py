@@ -105,7 +105,7 @@ def _overview(problem: Problem, solution: Solution, numbers: PrecisionResult) ->
         _bars(left, problem, grid[0])
     else:
         _map(left, problem, grid, "price × precision" if priced else "precision λ")
-    _deviations(right, problem, solution)
+    _deviations(right, solution)
     return figure
 
 
@@ -150,7 +150,7 @@ def _map(axes: Axes, problem: Problem, grid: np.ndarray, what: str) -> None:
     axes.spines[:].set_visible(False)
 
 
-def _deviations(axes: Axes, problem: Problem, solution: Solution) -> None:
+def _deviations(axes: Axes, solution: Solution) -> None:
     prior, posterior, bound = (np.asarray(solution.arrays[k]) for k in ("prior", "posterior", "bound"))
     root = np.sqrt(np.diag(bound))
     x = np.arange(1, len(root) + 1)

@@ -1,4 +1,4 @@
-"""What can be had at all: the sentence for a bound that no precision reaches."""
+"""Which bounds can be reached at all: the sentence about a bound that no precision reaches."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ def build(document: Document, context: Context) -> Problem:
 def _stand_ins(
     document: Document, plant: NonlinearPlant | None, measurement: NonlinearMeasurement | None, states: int
 ) -> dict[str, Any]:
-    """A plant and sensors of the right sizes, for what cannot be had."""
+    """A plant and sensors of the right sizes, in place of parts that cannot be built."""
     entry = document.measurement
     sensors = states if entry is None or entry.h is None else count_of(entry.h)
     return {

@@ -174,7 +174,7 @@ def split_recursion(slots: Slots, terminal: np.ndarray, panels: int = PANELS) ->
     share = np.linspace(0, 1, 2 * parts + 1)[:-1]
     halves = np.append((slots.edges[:-1, None] + np.diff(slots.edges)[:, None] * share).ravel(), slots.edges[-1])
     F, Q, R = flow.elements(halves[:-1], halves[1:])
-    X = _weights_at(slots, halves, (F, Q, R))
+    X = _weights_at(halves, (F, Q, R))
     F, Q, _ = ordinary_elements((F, Q, R), X[:-1], X[1:])
     transition = np.concatenate([F[:1], F[2::2] @ F[1:-1:2], F[-1:]])
     noise = np.concatenate([Q[:1], F[2::2] @ Q[1:-1:2] @ np.swapaxes(F[2::2], 1, 2) + Q[2::2], Q[-1:]])
@@ -200,7 +200,7 @@ def split_recursion(slots: Slots, terminal: np.ndarray, panels: int = PANELS) ->
     return recursion, parts
 
 
-def _weights_at(slots: Slots, times: np.ndarray, element: Element) -> np.ndarray:
+def _weights_at(times: np.ndarray, element: Element) -> np.ndarray:
     """X at a finer grid of times, by walking the sensor-free spans back from the end."""
     F, Q, R = element
     n = F.shape[-1]

@@ -55,21 +55,6 @@ def center_rate(
     return A @ x + P @ (K.T @ z - C.T @ miss), float(z @ z - miss @ miss)
 
 
-def free_weight_rate(X: np.ndarray, A: np.ndarray, B: np.ndarray, K: np.ndarray) -> np.ndarray:
-    """Rate of the weight without sensors.
-
-    -dX/dt = A'X + X A + K'K + X BB' X,   X(T) = 0
-
-    Parameters
-    ----------
-    X : (n, n) symmetric
-    A, B, K : (n, n), (n, p), (q, n) at the same time
-
-    Not in the paper: what (25) becomes when P is eliminated.
-    """
-    return -(A.T @ X + X @ A + K.T @ K + X @ B @ B.T @ X)
-
-
 def center_weight_rate(Y: np.ndarray, P: np.ndarray, A: np.ndarray, K: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Rate of the weight of the center in the supremum over all measurements.
 

@@ -166,7 +166,9 @@ class Flow:
         F, Q, R = self.elements(np.array([start]), np.array([end]), weights)
         return F[0], Q[0], R[0]
 
-    def _constant(self, starts, ends, weights: np.ndarray, scale: np.ndarray, exists: np.ndarray | None) -> Element:
+    def _constant(
+        self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray, scale: np.ndarray, exists: np.ndarray | None
+    ) -> Element:
         H, size = self.exponents(starts, weights, scale)
         h = ends - starts
         doublings = max(0, int(np.ceil(np.log2(max(float(np.max(size * h)) / SHORT, 1e-300)))))
@@ -175,12 +177,14 @@ class Flow:
             element = star_checked(element, element, exists)
         return element
 
-    def _varying(self, starts, ends, weights: np.ndarray, scale: np.ndarray, exists: np.ndarray | None) -> Element:
+    def _varying(
+        self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray, scale: np.ndarray, exists: np.ndarray | None
+    ) -> Element:
         M, _, _, owner = self.partition(starts, ends, weights, scale)
         return self.reduce(from_transfer(M), owner, len(starts), exists)
 
     def partition(
-        self, starts, ends, weights: np.ndarray, scale: np.ndarray
+        self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray, scale: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Transfer matrix (K, 2n, 2n), start, length and span of every step that is short enough, in order.
 
@@ -220,7 +224,9 @@ class Flow:
         order = np.lexsort((x, who))
         return M[order], x[order], length[order], who[order]
 
-    def _initial_pieces(self, starts, ends, weights, scale) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _initial_pieces(
+        self, starts: np.ndarray, ends: np.ndarray, weights: np.ndarray, scale: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Spans cut at the tables' times and so short that no piece can hold an escape from P = 0."""
         a, b, owner = [], [], []
         for i, (s, e) in enumerate(zip(starts, ends, strict=True)):
@@ -257,10 +263,7 @@ class Flow:
             )
 
     def _smooth(self, a: np.ndarray, b: np.ndarray, weights: np.ndarray, scale: np.ndarray) -> np.ndarray:
-        """Whether the matrices at both ends of [a, b] lie where a parabola through the inner points puts them.
-
-        A jump between an end and the first inner point would otherwise go unseen.
-        """
+        """Whether both ends of [a, b] lie on a parabola through the inner points: a jump beside an end is then seen."""
         root = np.sqrt(0.15)
         x = np.array([-0.5 + 1e-9, -root, 0.0, root, 0.5 - 1e-9])
         times = ((a + b)[:, None] / 2 + (b - a)[:, None] * x).ravel()
@@ -280,10 +283,7 @@ class Flow:
         return magnus_step(H)
 
     def reduce(self, pieces: Element, owner: np.ndarray, count: int, exists: np.ndarray | None) -> Element:
-        """The star product of every owner's pieces, in pairs.
-
-        `owner` (K,) is the span of every piece; `exists` (T,) is set to False where an element is lost.
-        """
+        """The star product, in pairs, of the pieces of each `owner` (K,); `exists` (T,) turns False where one fails."""
         sizes = np.bincount(owner, minlength=count)
         width = 1 << max(0, int(np.max(sizes) - 1).bit_length())
         place = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)

@@ -15,6 +15,7 @@ from occontrol.files.figures.panels import curves_panel, map_panel, schedule_pan
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
     from occontrol.families.vlambda.problem import Problem
 
@@ -239,7 +240,7 @@ def _strips(axes: Axes, problem: Problem, solutions: Mapping[str, Solution]) -> 
     )
 
 
-def _patch(colour: str) -> object:
+def _patch(colour: str) -> Patch:
     from matplotlib.patches import Patch
 
     return Patch(color=colour)

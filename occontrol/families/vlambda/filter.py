@@ -122,10 +122,10 @@ class EigenfactorFilter:
         Raises SolveFailed when the covariance overflows.
         """
         if self.root is not None:
-            self.root = predict(self.root, np.ascontiguousarray(transition), np.ascontiguousarray(noise_root))
-            self._factors = None
-            self._condition = condition(self.root)
-            largest = float(np.abs(self.root).max())
+            root = predict(self.root, np.ascontiguousarray(transition), np.ascontiguousarray(noise_root))
+            self.root, self._factors = root, None
+            self._condition = condition(root)
+            largest = float(np.abs(root).max())
             if not self._condition < GRADED and largest < OVERFLOW:
                 self._carry(self.factors)
         else:

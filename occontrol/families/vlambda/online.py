@@ -96,7 +96,7 @@ class OnlineSelector:
     def matrices(self, sensor: int) -> tuple[np.ndarray, np.ndarray]:
         """H (m, n), in scaled states, and R (m, m) of a sensor at the current step, where it is now.
 
-        Raises UsageError for a movable sensor that was not chosen, for it is nowhere.
+        Raises UsageError for a movable sensor that was not chosen, because it has no place.
         """
         k, where = self.filter.step, self.choice.locations.get(sensor)
         sampled = self.plant.sensors[sensor]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -84,7 +84,7 @@ def earlier_search(problem: Problem, monitor: Monitor, holds_for: str | None) ->
     return Earlier(selection, chooser, float(bound) if known and bound <= cost else -np.inf)  # type: ignore[arg-type, operator]
 
 
-def _allowed(problem: Problem, step: int, group: tuple[int, ...], places: dict[int, np.ndarray]) -> bool:
+def _allowed(problem: Problem, step: int, group: tuple[int, ...], places: Mapping[int, np.ndarray]) -> bool:
     """Whether every movable sensor of a group, and no other, has a place that its file allows."""
     for j in group:
         region, place = problem.sensors[j].location, places.get(j)
@@ -98,5 +98,5 @@ def _allowed(problem: Problem, step: int, group: tuple[int, ...], places: dict[i
     return True
 
 
-def _same(one: dict[int, np.ndarray], other: dict[int, np.ndarray]) -> bool:
+def _same(one: Mapping[int, np.ndarray], other: Mapping[int, np.ndarray]) -> bool:
     return one.keys() == other.keys() and all(np.array_equal(one[j], other[j]) for j in one)

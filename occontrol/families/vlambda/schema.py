@@ -123,7 +123,7 @@ def build(document: Document, context: Context) -> Problem:
 
 
 def _plant(entry: Plant, context: Context) -> DiscretePlant | None:
-    """The plant; with stand-ins for what is wrong (that is noted), as long as F can be had."""
+    """The plant, with stand-ins for wrong parts, which are noted, as long as F can be read."""
     F = context.signal(entry.F, "plant", "F", variable="k")
     G = None if entry.G is None else context.signal(entry.G, "plant", "G", variable="k")
     Q = context.signal(entry.Q, "plant", "Q", variable="k")

@@ -111,7 +111,8 @@ class Region:
         shape: tuple[int, ...] = bounds.shape
         if len(shape) != 2 or shape[1] != 2 or not shape[0]:
             raise ProblemError(Mistake(("bounds",), "expected one [low, high] pair per coordinate", "bounds: [[0, 1]]"))
-        for i, (low, high) in enumerate(bounds.tolist()):
+        for i in range(len(bounds)):
+            low, high = float(bounds[i, 0]), float(bounds[i, 1])
             if not (np.isfinite(low) and np.isfinite(high)):
                 found.add(("bounds", i), f"the bounds of p{i + 1} are not finite")
             elif low > high:

@@ -34,7 +34,7 @@ def draw(problem, solution: Solution, estimate: Estimate, truth: Trajectory | No
     with style.house_style():
         figures = {"estimates": _estimates(problem, solution.schedule, estimate, truth)}
         if estimate.predicted.shape[1]:
-            figures["prediction"] = _prediction(problem, solution.schedule, estimate, truth)
+            figures["prediction"] = _prediction(problem, solution.schedule, estimate)
         figures["consistency"] = _consistency(problem, estimate, truth)
         return figures
 
@@ -113,7 +113,7 @@ def _passes(axes: Axes, problem, schedule: Schedule | None) -> None:
             axes.axvspan(*span, ymin=0, ymax=0.06, color=colours[j], lw=0)
 
 
-def _prediction(problem, schedule: Schedule | None, estimate: Estimate, truth: Trajectory | None) -> Figure:
+def _prediction(problem, schedule: Schedule | None, estimate: Estimate) -> Figure:
     """The prediction of w(Tp) as it was made at every time, with its band, about the last one."""
     p = estimate.predicted.shape[1]
     shown = min(p, MOST_OUTPUTS)

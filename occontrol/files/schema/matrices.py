@@ -238,8 +238,10 @@ class MatrixReader:
     def _table(self, value: dict, path: Path) -> Signal | None:
         if "file" in value:
             times = self.load(value["file"], value["times"], (*path, "times"))
-            fits = partial(shape_fits, self.wrong, path, self.states, times)
-            values = self.load(value["file"], value["values"], (*path, "values"), fits) if times is not None else None
+            values = None
+            if times is not None:
+                fits = partial(shape_fits, self.wrong, path, self.states, times)
+                values = self.load(value["file"], value["values"], (*path, "values"), fits)
         else:
             times = self.vector(value["times"], (*path, "times"))
             values = self._stack(value["values"], (*path, "values"))

@@ -198,7 +198,8 @@ class Mover:
             improved = False
             chosen = self._merged(self.segments(on))
             promise = self._promise(on)
-            found = []
+            found: list[tuple[float, Segments]] = []
+            reached: dict[Segments, np.ndarray] = {}
             for trial in self.moves(chosen, promise):
                 trial = self._merged(trial)
                 if trial in seen or any(trial[i][1] >= trial[i + 1][1] for i in range(len(trial) - 1)):
@@ -210,22 +211,23 @@ class Mover:
                 value = self.value(other)
                 if value < best - RELATIVE * abs(best):
                     found.append((value, trial))
+                    reached[trial] = other
                 if self.evaluations - spent >= budget or monitor.stop:
                     break
             if found:
                 value, trial = min(found)
-                on, best, improved = self.on(trial), value, True
-                on, best = self._together(chosen, on, best, [t for _, t in sorted(found)[1:6]])
+                base, others = self.on(chosen), [reached[t] for _, t in sorted(found)[1:6]]
+                on, best, improved = reached[trial], value, True
+                if base is not None:
+                    on, best = self._together(base, on, best, others)
         plan = start.plan if best >= start.value else self.task.oracle.follow(on)
         return start if plan is None or plan is start.plan else Scored(plan, best)
 
     def _together(
-        self, chosen: Segments, on: np.ndarray, best: float, others: list[Segments]
+        self, base: np.ndarray, on: np.ndarray, best: float, others: list[np.ndarray]
     ) -> tuple[np.ndarray, float]:
-        """The best move with further ones that do not touch it."""
-        base = self.on(chosen)
-        for trial in others:
-            other = self.on(trial)
+        """The best move from `base`, `on`, with `others` that do not touch it."""
+        for other in others:
             changed = np.any(other != base, axis=1)
             if np.any(changed & np.any(on != base, axis=1)):
                 continue

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
 from math import comb
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,7 @@ class Rules:
         select : how many are used at a time
         """
         M = len(names)
-        each = {name: np.full(M, value) for name, value in EACH.items()}
+        each: dict[str, Any] = {name: np.full(M, value) for name, value in EACH.items()}
         idle = np.asarray(idle, dtype=bool)
         return cls(names, idle, select, **each, switch_cost=np.zeros((M, M)), switch_delay=np.zeros((M, M)))
 

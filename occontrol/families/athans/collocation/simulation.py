@@ -99,7 +99,7 @@ def _simulate_smooth(
         if (end - start) * float(np.trace(noise @ inverse)) < forward_rate:
             return _by_information(data, start, end, inverse, weights, rtol)
 
-    last = end - 1e-9 * (end - start)  # from inside, for tables may jump at the end
+    last = end - 1e-9 * (end - start)  # from inside, because tables may jump at the end
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         t = min(t, last)

@@ -137,7 +137,7 @@ class _Sweep:
         for part in self.parts:
             stretch = Stretch.of(self.data, self.panels[part], root, self.sharp)
             if size + stretch.size > KEPT_BYTES:
-                self.kept, size = [None] * len(self.kept), 0.0
+                self.kept[:], size = [None] * len(self.kept), 0.0
             size += stretch.size
             self.kept.append(stretch)
             self.roots.append(root)

@@ -96,7 +96,7 @@ def _present_output(problem: SchedulingProblem, steps: Sequence[MatchedStep]) ->
 
 
 def _notes(model: SampledModel, steps: Sequence[MatchedStep], gate: float | None) -> tuple[str, ...]:
-    notes = [note for note in (_outlier(steps, model) if gate is None else _gated(steps, gate),) if note]
+    notes = [note for note in (_outlier(steps) if gate is None else _gated(steps, gate),) if note]
     arrived = np.array([s.dimension + s.skipped_values for s in steps[1:]])
     missing = np.flatnonzero(arrived < model.dimension)
     if len(missing):
@@ -115,7 +115,7 @@ def _notes(model: SampledModel, steps: Sequence[MatchedStep], gate: float | None
     return tuple(notes)
 
 
-def _outlier(steps: Sequence[MatchedStep], model: SampledModel) -> str:
+def _outlier(steps: Sequence[MatchedStep]) -> str:
     """The sample that is least likely to belong to this plant, if it is beyond the level of an outlier."""
     from scipy.stats import chi2
 

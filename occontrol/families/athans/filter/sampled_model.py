@@ -85,11 +85,11 @@ class SampledModel:
             which = np.flatnonzero(self.dimension == m)
             joint = np.empty((len(which), self.states + m, self.states + m))
             n = self.states
-            for block, k in zip(joint, which, strict=True):
+            for block, k in zip(joint, which.tolist(), strict=True):
                 block[:n, :n], block[:n, n:] = self.noise[k], self.cross[k]
                 block[n:, :n], block[n:, n:] = self.cross[k].T, self.reading_noise[k]
-            # in units of the standard deviations, for blocks of very different units keep their digits that way
-            for k, root in zip(which, square_root(joint, floor=0.0), strict=True):
+            # in units of the standard deviations, so that blocks of very different units keep their digits
+            for k, root in zip(which.tolist(), square_root(joint, floor=0.0), strict=True):
                 roots[k] = root
         return roots
 

@@ -47,8 +47,9 @@ def parts_of(integrator: Integrator, found: Evaluation) -> Parts:
     observation = sum(s * float(np.vdot(f.fine.cost, v[f.mesh.owner])) for s, f in zip(shares, meshes, strict=True))
     whole = [node_matrices(f, v) for f in meshes]
     first = [np.append(f.first, len(f.mesh)) for f in meshes]
-    covariance = sum(s * S[at] for s, (S, _), at in zip(shares, whole, first, strict=True))
-    costate = sum(s * P[at] for s, (_, P), at in zip(shares, whole, first, strict=True))
+    nothing = np.zeros(())
+    covariance = sum([s * S[at] for s, (S, _), at in zip(shares, whole, first, strict=True)], nothing)
+    costate = sum([s * P[at] for s, (_, P), at in zip(shares, whole, first, strict=True)], nothing)
     switching = found.gradient / integrator.problem.steps[:, None]
     path = Path(covariance, np.empty((0, r.states, r.states)), costate, switching)
     return Parts(path, observation, float(np.vdot(r.terminal, covariance[-1])))

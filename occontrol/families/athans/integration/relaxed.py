@@ -50,9 +50,8 @@ def relax(
         return PricedSweep(base, base, found, found, None)
     # prices are a linear term, so what is known of the curvature stays right from round to round
     spent, curvature = _Spent(), memory_for(sweep, sweep.recursion.cost.size)
-    v = start
+    v = allowed.uniform() if start is None else start
     if start is None:
-        v = allowed.uniform()
         off = _off(integrator, v)
         if off <= integrator.accuracy:
             inner = spent.add(minimise_relaxed(sweep, allowed, None, limits, monitor, curvature))
@@ -63,7 +62,8 @@ def relax(
             rough = replace(limits, relative_gap=ROUGH_FACTOR * gap)
             v = spent.add(minimise_relaxed(sweep, allowed, None, rough, monitor, curvature)).weights
     mesh = None if integrator.options.substeps else integrator.first
-    last, direct = np.inf, False
+    J = own = last = np.inf
+    direct = False
     inner = None
     for _ in range(ROUNDS):
         if mesh is None:

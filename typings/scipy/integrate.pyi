@@ -1,0 +1,3 @@
+from typing import Any
+
+def solve_ivp(fun: Any, t_span: Any, y0: Any, method: Any = ..., **options: Any) -> Any: ...

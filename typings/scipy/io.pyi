@@ -1,0 +1,3 @@
+from typing import Any
+
+def savemat(file_name: Any, mdict: Any, **options: Any) -> None: ...

@@ -1,0 +1,3 @@
+from typing import Any
+
+def dtrsm(alpha: float, a: Any, b: Any, **options: Any) -> Any: ...

@@ -1,0 +1,3 @@
+from typing import Any
+
+def connected_components(csgraph: Any, **options: Any) -> Any: ...
