@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import occontrol
+from tests.docstring_measure import PUBLIC, TREES, without_unit
 
 PACKAGE = Path(occontrol.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -84,3 +85,22 @@ def test_the_check_can_fail() -> None:
     assert described(
         "Solve.\n\nParameters\n----------\nx, y : numbers\nz : (N,)\n    more: of it\n\nRaises: no"
     ) == set("xyz")
+
+
+def test_every_array_parameter_of_a_public_function_states_its_shape() -> None:
+    wrong = [f"{one.where}: {', '.join(one.without_shape())}" for one in PUBLIC if one.without_shape()]
+    assert not wrong, "\n".join(wrong)
+    annotations = [ast.unparse(a.annotation) for one in PUBLIC for a in one.parameters() if a.annotation]
+    assert sum("ndarray" in text for text in annotations) > 500
+
+
+def test_every_exception_raised_in_a_public_function_is_named() -> None:
+    """The commands of cli are left out: their docstrings are help texts, which speak of exit codes."""
+    library = [one for one in PUBLIC if not one.where.startswith("cli")]
+    wrong = [f"{one.where}: {', '.join(one.unnamed_raises())}" for one in library if one.unnamed_raises()]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "core").glob("*.py")), ids=lambda path: path.name)
+def test_core_states_the_unit_of_every_dimensional_parameter(path: Path) -> None:
+    assert not without_unit(TREES[path])

@@ -120,7 +120,7 @@ class Sensor:
 
         Parameters
         ----------
-        edges : (N+1,) increasing
+        edges : (N+1,) increasing times
         """
         starts, ends = edges[:-1], edges[1:]
         if self.windows is None:

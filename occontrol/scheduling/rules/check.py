@@ -33,7 +33,7 @@ class Violation:
 
 
 def uses(on: np.ndarray) -> list[tuple[int, int]]:
-    """[(a, b)]: the maximal runs a .. b-1 of true among (N,)."""
+    """[(a, b)]: the maximal runs a .. b-1 of true in `on` (N,)."""
     change = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
     return list(zip(change[::2].tolist(), change[1::2].tolist(), strict=True))
 
@@ -130,7 +130,7 @@ def _gaps(rules: Rules, t: np.ndarray, runs: list[tuple[int, int]], j: int, slac
 
 
 def segments(on: np.ndarray) -> list[tuple[int, int]]:
-    """[(a, b)]: the maximal runs a .. b-1 of equal rows of (N, M)."""
+    """[(a, b)]: the maximal runs a .. b-1 of equal rows of `on` (N, M)."""
     cuts = np.flatnonzero(np.any(on[1:] != on[:-1], axis=1)) + 1
     ends = [0, *cuts.tolist(), len(on)]
     return list(pairwise(ends))
@@ -158,7 +158,7 @@ def changes(rules: Rules, on: np.ndarray) -> list[tuple[int, tuple[int, ...], tu
 
 
 def switching_cost(rules: Rules, on: np.ndarray) -> float:
-    """What the changes of (N, M) cost."""
+    """What the changes of the schedule `on` (N, M) cost."""
     total = 0.0
     for _, stopped, started, _ in changes(rules, on):
         if rules.select > 1:

@@ -105,7 +105,7 @@ class Master:
         return self._use @ shares.ravel() - self._limits
 
     def cost(self, weights: np.ndarray) -> float:
-        """f of shares (1, P)."""
+        """f of shares, `weights` (1, P)."""
         self.forward_count += 1
         linear, error = self.task.parts(self.policy(weights))
         return self._combined(weights, linear, error)[0]
@@ -123,7 +123,7 @@ class Master:
         return f, y, nu
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
-        """f and df/dlam (1, P) of shares (1, P)."""
+        """f and df/dlam (1, P) of shares, `weights` (1, P)."""
         self.forward_count += 1
         self.backward_count += 1
         task, goal = self.task, self.task.goal

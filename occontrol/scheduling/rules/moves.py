@@ -63,7 +63,7 @@ class Mover:
         self.evaluations = 0
 
     def segments(self, on: np.ndarray) -> Segments:
-        """The segments of (N, M)."""
+        """The segments of the schedule `on` (N, M)."""
         found = []
         for a, b in segments(on):
             label = self._label.get(on[a].tobytes())
@@ -93,7 +93,7 @@ class Mover:
         return on if begin == N else None
 
     def weights(self, on: np.ndarray) -> np.ndarray:
-        """(N, C) of the recursion's columns for (N, M)."""
+        """The weights (N, C) of the recursion's columns for the schedule `on` (N, M)."""
         rules, M = self.rules, self.rules.sensors
         weights = np.zeros((len(on), M + len(self._warmers)))
         weights[:, :M] = on
@@ -108,7 +108,7 @@ class Mover:
         return weights
 
     def value(self, on: np.ndarray) -> float:
-        """F of (N, M), inf where it breaks a rule."""
+        """F of the schedule `on` (N, M), inf where it breaks a rule."""
         task, rules = self.task, self.rules
         spent = float(np.vdot(task.spend, on))
         if spent > rules.max_observation * (1 + 1e-9) or not keeps(rules, task.edges, on):

@@ -119,7 +119,7 @@ class Oracle:
         return Plan(actions, a.columns[actions], a.on[actions], starts, stops, float(np.sum(self._event_cost[events])))
 
     def follow(self, on: np.ndarray) -> Plan | None:
-        """The plan that uses exactly these sensors (N, M), or None where that breaks a rule which is tracked."""
+        """The plan that uses exactly the sensors `on` (N, M), or None where that breaks a rule which is tracked."""
         same = np.all(on[:, None, :] == self.automaton.on[None, :, :], axis=2)
         return self.minimise(np.zeros(self.shape), None, same)[1]
 

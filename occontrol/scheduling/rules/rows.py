@@ -57,7 +57,7 @@ class Mean:
 
     @classmethod
     def of(cls, plans: list[Plan], shares: np.ndarray) -> Mean:
-        """The average with weights (P,)."""
+        """The average of P plans with `shares` (P,)."""
         kept = [(p, s) for p, s in zip(plans, shares, strict=True) if s > 1e-12]
         return cls(*(sum(s * getattr(p, name) for p, s in kept) for name in ("on", "starts", "stops")))  # type: ignore[arg-type]
 

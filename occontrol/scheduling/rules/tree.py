@@ -128,7 +128,7 @@ class Search:
                 self.told(found)
 
     def run(self, start: np.ndarray) -> Tree:
-        """The search, from a policy (N, C) at which the first bound is taken."""
+        """The search, from a policy `start` (N, C) at which the first bound is taken."""
         task, monitor = self.task, self.monitor
         everything = np.ones_like(task.oracle.open)
         root = self._solve(_Node(-np.inf, 0, everything, (start, Multipliers(np.empty(0)), [])))
