@@ -54,8 +54,7 @@ def solve(
         refuse_same([log], [file, *(folder / name for name in KNOWN)])
     with watched(log) as monitor, ExitStack() as held:
         problem = read_problem(file)
-        if strict:
-            warn_of(problem, file, strict)
+        warn_of(problem, file, strict)
         held.enter_context(locked(folder))
         if resume:
             monitor.resume = _earlier(folder, problem)

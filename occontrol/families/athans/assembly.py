@@ -17,6 +17,7 @@ from occontrol.families.athans.integration.integrator import Integrator
 from occontrol.families.athans.integration.path import finer_steps, parts_of
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers, TopNumbers
+from occontrol.families.athans.warnings import lost_modes
 from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.hminimal import polish
 from occontrol.scheduling.proof import prove
@@ -81,6 +82,8 @@ def assemble(
     if judged is None and status is Status.CERTIFIED:
         status = Status.FEASIBLE
     remarks = "" if status is Status.DISAGREES else _remark(certificate, top, unfinished) + proof.remark(found.target)
+    for lost in lost_modes(problem, counted=True):
+        remarks += f" It is {lost.what}: {lost.hint}."
     error_of_steps = evaluated.error if judged is None else judged.discretisation_error
     running = certificate.cost - observation - error if r.running.shape[0] else 0.0
     numbers = AthansResult(

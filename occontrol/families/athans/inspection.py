@@ -45,9 +45,12 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
     found.append(
         ("observation cost", f"{low:.6g} to {high:.6g} over the horizon, times cost_weight {problem.cost_weight:g}")
     )
-    for name, h, deviations in sample_deviations(problem)[:MOST_SENSORS]:
+    samples = sample_deviations(problem)
+    for name, h, deviations in samples[:MOST_SENSORS]:
         values = ", ".join(f"{d:.3g}" for d in deviations)
         found.append((f"sample of {name}", f"the average over {h:.4g} has deviation {values}: noise is an intensity"))
+    if samples:
+        found.append(("readings", "of variance R, one every h: write variance: R, every: h in place of noise"))
     lacking = np.sum(problem.upper, axis=1) < problem.select - 1e-9
     windows = [
         f"{s.name} {100 * float(steps @ problem.upper[:, j]) / steps.sum():.3g} %"

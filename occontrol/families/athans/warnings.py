@@ -24,11 +24,17 @@ def warnings_of(problem: SchedulingProblem) -> list[Mistake]:
     ----------
     problem : SchedulingProblem
     """
-    return [*_lost_modes(problem), *_windows(problem), *_never_better(problem), *_size(problem)]
+    return [*lost_modes(problem), *_windows(problem), *_never_better(problem), *_size(problem)]
 
 
-def _lost_modes(problem: SchedulingProblem) -> list[Mistake]:
-    """Growing modes of A that no sensor ever sees: rank [s I - A; C] < n for an eigenvalue s with Re s > 0."""
+def lost_modes(problem: SchedulingProblem, counted: bool = False) -> list[Mistake]:
+    """Growing modes of A that no sensor ever sees: rank [s I - A; C] < n for an eigenvalue s with Re s > 0.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    counted : only those that the cost counts: D v or the running weight times v is not 0 for a lost direction v
+    """
     plant, n = problem.plant, problem.states
     middle = problem.midpoints[len(problem.midpoints) // 2]
     A = plant.A.at(float(middle))
@@ -40,13 +46,23 @@ def _lost_modes(problem: SchedulingProblem) -> list[Mistake]:
     for value in np.linalg.eigvals(A):
         if value.real > RANK * scale:
             stacked = np.vstack([(A - value * np.eye(n)) / scale, C])
-            if np.linalg.svd(stacked, compute_uv=False)[-1] < RANK:
+            _, sizes, directions = np.linalg.svd(stacked)
+            hidden = directions[np.append(sizes, np.zeros(n - len(sizes))) < RANK]
+            if len(hidden) and (not counted or _counts(problem, hidden.conj().T)):
                 lost.add(f"{value.real:.4g}")
     if not lost:
         return []
     rates = ", ".join(sorted(lost))
     what = f"not observable and unstable: no sensor sees a mode of the plant that grows (rate {rates})"
     return [Mistake(("plant", "A"), what, "its variance grows whatever the schedule; add a sensor that sees it")]
+
+
+def _counts(problem: SchedulingProblem, directions: np.ndarray) -> bool:
+    """Whether output or running weight see any of the `directions` (n, K)."""
+    weights = [problem.output.at(float(problem.predict_at or 0.0))[None]]
+    if problem.running is not None:
+        weights.append(_samples(problem.running, problem))
+    return any(np.any(np.abs(w @ directions) > RANK * np.abs(w).max()) for group in weights for w in group)
 
 
 def _windows(problem: SchedulingProblem) -> list[Mistake]:

@@ -67,7 +67,7 @@ class SelectionResult(ResultData):
     criterion : its name
     schedule : one EpochEntry per choice
     sum_trace, sum_largest_eigenvalue : of P(k|k), over k
-    peak_largest_eigenvalue : over k >= 1
+    peak_largest_eigenvalue : over k >= 1, or of k = 0 where that is the only step
     standard_deviations : (n,) of x(K-1) given everything, in the user's units
     switches : how often the choice changes
     notes : announcements of the filter

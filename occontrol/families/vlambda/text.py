@@ -83,7 +83,7 @@ def _observability(problem: Problem) -> str:
 
 def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     """Label and text of what `solve` prints."""
-    r = numbers_of(solution)
+    r, when = numbers_of(solution), "k >= 1" if problem.steps > 1 else "k = 0, the only step"
     lines = [
         ("method", f"{solution.method}, {plural(problem.epochs, 'choice')} over k = 0 .. {problem.steps - 1}"),
         ("selected", _runs(r.schedule)),
@@ -100,7 +100,7 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     lines += [
         ("sum of traces", f"{r.sum_trace:.10g}"),
         ("sum of largest eigenvalues", f"{r.sum_largest_eigenvalue:.10g}"),
-        ("peak largest eigenvalue", f"{r.peak_largest_eigenvalue:.10g}  (k >= 1)"),
+        ("peak largest eigenvalue", f"{r.peak_largest_eigenvalue:.10g}  ({when})"),
         ("standard deviations at the end", ", ".join(f"{s:.6g}" for s in r.standard_deviations[:12])),
     ]
     lines += [("note", text) for text in r.notes or ()]

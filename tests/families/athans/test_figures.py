@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 import occontrol as oc
 from occontrol.api import compare_figure, figures_of
 from occontrol.core.schedule import Schedule
-from occontrol.core.solution import Solution
-from occontrol.families.athans.figures import output_deviation
+from occontrol.core.solution import Solution, Status
+from occontrol.families.athans.figures import _switching_title, output_deviation
 from occontrol.files.figures.panels import MOST_ROWS
 
 
@@ -149,3 +149,15 @@ def test_the_deviation_of_the_prediction_against_an_adaptive_integrator(small_so
         end = solve_ivp(rate, span, covariance[k].ravel(), rtol=1e-11, atol=1e-13).y[:, -1].reshape(2, 2)
         assert deviation[k, 0] == pytest.approx(np.sqrt(end[0, 0]), rel=1e-8)
     assert deviation[-1, 0] ** 2 == pytest.approx(small_solution.result["predicted_mean_square_error"], rel=1e-10)
+
+
+def test_the_caption_of_the_switching_functions_is_true():
+    schedule = Schedule(np.array([0.0, 1.0, 4.0]), np.array([[1.0, 0.0], [0.0, 1.0]]), ("a", "b"))
+    solution = Solution("athans", "given", Status.FEASIBLE, "", 0, 0.0, schedule=schedule)
+    assert _switching_title(solution, np.array([[1.0, 2.0], [3.0, 2.0]])) == (
+        "switching functions: the smallest measures (thick: in use)"
+    )
+    # not available is no choice
+    assert "the smallest measures" in _switching_title(solution, np.array([[1.0, 2.0], [np.nan, 2.0]]))
+    wrong = _switching_title(solution, np.array([[2.0, 1.0], [3.0, 2.0]]))
+    assert wrong == "switching functions (thick: in use, the smallest but for 25 % of the time)"

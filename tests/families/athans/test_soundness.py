@@ -6,6 +6,7 @@ LSODA on the covariance.
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import occontrol
+from occontrol.cli import run
 from occontrol.core.errors import ProblemError
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.filter.consistency import expected_nees
@@ -172,6 +174,57 @@ def test_a_state_that_nothing_sees_may_grow_as_it_likes() -> None:
     continuous = solution.result["continuous"]
     assert 0.34243 <= continuous["lower_bound"] <= continuous["cost"] <= 0.34246
     assert solution.arrays["covariance"][-1, 2, 2] > 1e34
+
+
+UNSEEN = "not observable and unstable: no sensor sees a mode of the plant that grows (rate 1)"
+
+
+def test_an_output_that_nothing_sees_and_that_grows_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = CASES / "a08_unobservable_unstable.yaml"
+    assert run(["solve", str(file), "--no-figures", "--json", "--out", "there"]) == 0
+    said = capsys.readouterr()
+    content = json.loads(said.out)
+    # variance of the lost state at 40: e^80 (1 + 0.1/2) less 0.1/2
+    assert content["top"]["cost"] == pytest.approx(np.exp(80) * 1.05, rel=1e-6)
+    assert f"It is {UNSEEN}: its variance grows whatever the schedule; add a sensor that sees it." in content["message"]
+    assert f"{file}:4:6: warning: {UNSEEN}\n  hint: its variance grows whatever the schedule" in said.err
+    for command in ("solve", "check"):
+        assert run([command, str(file), "--strict"]) == 3
+        assert f"{file}:4:6: {UNSEEN}" in capsys.readouterr().err
+    # where the cost does not count that state, the message does not speak of it
+    assert "not observable" not in solved("a08_unobservable_harmless.yaml").message
+
+
+def test_a_radar_of_20_m_a_look_as_a_newcomer_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def radar(noise: str) -> Path:
+        file = tmp_path / "radar.yaml"
+        file.write_text(
+            "family: athans\nhorizon: {start: 0, end: 60, intervals: 60}\n"
+            "plant: {A: [[0, 1], [0, 0]], noise: {diag: [0, 0.5]}, initial: {covariance: {diag: [1000, 100]}}}\n"
+            f"sensors:\n  - {{name: radar, C: [[1, 0]], {noise}}}\n"
+            "objective: {output: [[1, 0]]}\n"
+        )
+        return file
+
+    assert run(["check", str(radar("noise: 400"))]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "sample of radar the average over 1 has deviation 20: noise is an intensity" in said
+    assert "readings of variance R, one every h: write variance: R, every: h in place of noise" in said
+    mistakes = {
+        "variance: 400": "the variance of one reading needs 'every'",
+        "deviation: 20": "unknown key 'deviation' in sensor 'radar'",
+        "noise: 400, every: 5": "every belongs to a variance, not to a noise intensity",
+    }
+    for mistake, words in mistakes.items():
+        assert run(["check", str(radar(mistake))]) == 3
+        text = capsys.readouterr().err
+        assert words in text and "variance" in text.split("hint:")[1]
+    solution = occontrol.solve(occontrol.read_problem(radar("variance: 400, every: 5")))
+    # the steady variance of the position is sqrt(2) r^(3/4) q^(1/4), r = 400 * 5; 60 s come close to it
+    assert solution.numbers.top.cost == pytest.approx(np.sqrt(2) * 2000**0.75 * 0.5**0.25, rel=1e-3)
 
 
 def test_a_running_weight_slightly_below_zero() -> None:

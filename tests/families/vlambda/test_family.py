@@ -237,3 +237,13 @@ def test_an_interrupted_run_keeps_the_last_choice(oshman):
     best = solve(oshman, Optimal(), Monitor(interrupted=2))
     assert best.status is Status.INTERRUPTED
     assert best.result["lower_bound"] <= 352.3566146236 <= best.cost * (1 + 1e-9)
+
+
+def test_the_peak_of_one_step_is_that_of_the_only_step(oshman):
+    short = dataclasses.replace(oshman, steps=1, epoch=1, method=None)
+    found = solve(short, Fixed("two"))
+    lines = dict(vlambda.summarise(short, found))
+    assert lines["peak largest eigenvalue"] == f"{found.arrays['largest_eigenvalue'][0]:.10g}  (k = 0, the only step)"
+    two = solve(dataclasses.replace(short, steps=2), Fixed("two"))
+    assert two.result["peak_largest_eigenvalue"] == two.arrays["largest_eigenvalue"][1]
+    assert dict(vlambda.summarise(two.problem, two))["peak largest eigenvalue"].endswith("(k >= 1)")
