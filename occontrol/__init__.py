@@ -42,7 +42,10 @@ _COMMON: Mapping[str, tuple[str, ...]] = {
 # family: {module of it: the public names that it holds}; athans first, its names are never hidden by another's
 _FAMILIES: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "athans": {
+        "base": ("AthansProblem",),
         "problem": ("SchedulingProblem",),
+        "readings.problem": ("ReadingsProblem",),
+        "readings.clock": ("SampleTimes", "Steps"),
         "methods": (
             "BestSingle", "Collocation", "Greedy", "HMinimal", "Random", "Relaxed", "RelaxRoundPolish", "RoundRobin",
         ),

@@ -57,10 +57,11 @@ def document(problem: Any) -> dict[str, Any]:
 
 def json_schema(family: str) -> dict[str, Any]:
     """The JSON Schema of the problem files of the family called `family`, with its methods and their options."""
+    from occontrol.files.problem_file import documents_of
     from occontrol.files.schema.json_schema import json_schema as schema_of
 
     found = find_family(family)
-    return schema_of(f"occontrol problem: {family}", found.schema().Document, found.methods)
+    return schema_of(f"occontrol problem: {family}", documents_of(found.schema()), found.methods)
 
 
 def write_run(

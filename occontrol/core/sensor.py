@@ -39,7 +39,10 @@ class Sensor:
     noise : (m, m) intensity Theta, [measurement unit]^2 * time, symmetric positive definite
     cost : cost rate q, cost/time, a number or a formula of t
     windows : list of times (start, end) inside which the sensor may be used; None is always
+    variable : what formulas call time: "t", or "k" for the steps of discrete time
 
+    Where a problem takes single readings instead of continuous sensing, `noise` is the covariance of one reading,
+    [measurement unit]^2, and `cost` the price of one.
     Athans (1971), equations (2.9)-(2.15).
     """
 
@@ -48,13 +51,14 @@ class Sensor:
     noise: Any
     cost: Any = 0.0
     windows: Sequence[tuple[float, float]] | None = None
+    variable: str = "t"
 
     def __post_init__(self) -> None:
         found = Collector()
         check_name(self.name, found)
         for name in ("C", "noise", "cost"):
             with found.under(name):
-                object.__setattr__(self, name, as_signal(getattr(self, name)))
+                object.__setattr__(self, name, as_signal(getattr(self, name), self.variable))
         found.raise_if_any()
         mistakes = []
         m = self.C.shape[0]
@@ -77,7 +81,7 @@ class Sensor:
                 if (
                     len(window) != 2
                     or not np.all(np.isfinite(np.asarray(window, dtype=float)))
-                    or not window[0] < window[1]
+                    or not (window[0] < window[1] or (self.variable == "k" and window[0] == window[1]))
                 ):
                     what = f"window {i + 1} of sensor '{self.name}' is {list(window)}"
                     mistakes.append(Mistake(("windows", i), what, "a window is [start, end] with start < end"))
@@ -134,6 +138,12 @@ class Sensor:
         for k in np.flatnonzero(unclear & ~inside):
             inside[k] = self.available(float(starts[k]), float(ends[k]))
         return inside
+
+    def readable(self, time: float) -> bool:
+        """Whether a reading at `time` lies inside a window, both ends included."""
+        if self.windows is None:
+            return True
+        return any(a - tolerance(b - a, a, time) <= time <= b + tolerance(b - a, b, time) for a, b in self.windows)
 
 
 def idle_sensor(states: int) -> Sensor:

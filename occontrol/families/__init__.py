@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 # name: (what it does, the module with FAMILY)
 FAMILIES: dict[str, tuple[str, str]] = {
     "athans": (
-        "off-line schedules in continuous time with a certificate (Athans 1971)",
+        "off-line schedules with a certificate (Athans 1971)",
         "occontrol.families.athans.family",
     ),
     "vlambda": (

@@ -19,7 +19,7 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.files.positions import Text, in_order
 from occontrol.files.problem_file import read_text
-from occontrol.files.segments import Segment, grid_of, schedule_of
+from occontrol.files.segments import Segment, grid_of, schedule_of, takes_readings
 from occontrol.files.spreadsheet import from_text
 
 MAX_BYTES = 64 * 2**20
@@ -42,9 +42,9 @@ def read_schedule(path: str | Path, problem: Any, read_run: Callable[[Path], tup
     if len(grid_of(problem)) < 2 or not hasattr(problem, "sensors"):
         raise ProblemError(f"a problem of family {problem.family} has no schedule over time to read", "")
     if path.is_dir():
-        segments = _from_run(path, read_run)
+        segments = _from_run(path, read_run, takes_readings(problem))
     elif path.suffix.lower() == ".json":
-        segments = _from_json(path, float(grid_of(problem)[-1]))
+        segments = _from_json(path, None if takes_readings(problem) else float(grid_of(problem)[-1]))
     elif path.suffix.lower() == ".csv":
         segments = _from_csv(path)
     else:
@@ -119,14 +119,17 @@ def _used(fields: list[str]) -> int:
     return max((i + 1 for i, field in enumerate(fields) if field), default=0)
 
 
-def _from_run(folder: Path, read_run: Callable[[Path], tuple[Any, Solution]]) -> list[Segment]:
+def _from_run(
+    folder: Path, read_run: Callable[[Path], tuple[Any, Solution]], instants: bool
+) -> list[Segment]:
     _, solution = read_run(folder)
     schedule = solution.schedule
     if schedule is None:
         raise _wrong(str(folder), "the run folder holds no schedule")
     return [
         Segment(
-            float(a), float(b), schedule.names, tuple(map(float, v)), partial("{}: interval {}".format, folder, k + 1)
+            float(a), float(a if instants else b), schedule.names, tuple(map(float, v)),
+            partial("{}: interval {}".format, folder, k + 1),
         )
         for k, ((a, b), v) in enumerate(zip(pairwise(schedule.edges), schedule.weights, strict=True))
     ]
@@ -159,7 +162,7 @@ def _from_csv(path: Path) -> list[Segment]:
     return segments
 
 
-def _from_json(path: Path, end: float) -> list[Segment]:
+def _from_json(path: Path, end: float | None) -> list[Segment]:
     from occontrol.files.json_text import read_json
 
     text = read_json(read_text(path, MAX_BYTES, "schedule"), str(path))
@@ -180,8 +183,17 @@ def _from_json(path: Path, end: float) -> list[Segment]:
     return segments
 
 
-def _from_steps(data: list, end: float) -> list:
-    """Records of {k, sensors}, as in the results of discrete-time selection, last until the next one."""
+def _from_steps(data: list, end: float | None) -> list:
+    """Records of {k, sensors}, as in the results of discrete-time selection, last until the next one.
+
+    Without an `end` records of {k or t, sensors} are readings at that instant.
+    """
+    if end is None:
+        keys = [next((key for key in ("k", "t") if isinstance(item, dict) and key in item), None) for item in data]
+        return [
+            item if key is None or "start" in item else {"start": item[key], "end": item[key], **item}
+            for item, key in zip(data, keys, strict=True)
+        ]
     if not all(isinstance(item, dict) and "k" in item and "start" not in item for item in data):
         return data
     ends = [item["k"] for item in data[1:]] + [end]

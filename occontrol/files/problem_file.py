@@ -7,11 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from occontrol.core.errors import FileAccessError, Mistake, ProblemError
 from occontrol.core.errors import Path as Place
 from occontrol.files.positions import Text, at
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 MAX_YAML = 2 * 2**20
 MAX_JSON = 64 * 2**20
@@ -34,7 +37,9 @@ class LoadedDocument:
         context.found.mistakes += self.text.mistakes
         lacking: set[Place] = set()
         try:
-            document = validate(self.schema.Document, self.text.data, context.found, lacking)
+            several = documents_of(self.schema)
+            model = several[0] if len(several) == 1 else self.schema.model_for(self.text.data)
+            document = validate(model, self.text.data, context.found, lacking)
             said = list(context.found.mistakes)
             with context.found.under():
                 problem = self.schema.build(document, context)
@@ -49,6 +54,16 @@ class LoadedDocument:
             return problem
         except ProblemError as error:
             raise self.text.placed(error.mistakes) from None
+
+
+def documents_of(schema: ModuleType) -> tuple[type[BaseModel], ...]:
+    """The forms that a problem file may have: `Document`, or several `DOCUMENTS` among which `model_for(data)` chooses.
+
+    Parameters
+    ----------
+    schema : the schema module of a family
+    """
+    return getattr(schema, "DOCUMENTS", (schema.Document,))
 
 
 def read_bytes(path: Path, limit: int, kind: str) -> bytes:
@@ -114,7 +129,8 @@ def load_document(path: str | Path, families: Sequence[str], schema_of: Callable
     is_json = suffix == ".json"
     source = read_text(path, MAX_JSON if is_json else MAX_YAML, "problem file")
     if not is_json and (crowded := family_in(source)) in families:
-        refuse_crowd(source, str(path), list(schema_of(str(crowded)).Document.model_fields))
+        models = documents_of(schema_of(str(crowded)))
+        refuse_crowd(source, str(path), sorted({name for model in models for name in model.model_fields}))
     text = (read_json if is_json else read_yaml)(source, str(path))
     if not isinstance(text.data, dict):
         raise at(

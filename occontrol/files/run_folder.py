@@ -213,7 +213,11 @@ def _solution(problem: Any, content: dict, arrays: dict[str, np.ndarray], path: 
         if {"edges", "weights"} <= arrays.keys():
             if any(arrays[name].dtype.kind not in "fiu" for name in ("edges", "weights")):
                 raise ValueError("edges and weights are not real numbers")
-            schedule = Schedule(arrays["edges"], arrays["weights"], tuple(problem.sensors.names))
+            make = getattr(problem, "make_schedule", None)  # a problem of readings has schedules of its own kind
+            if make is None:
+                schedule = Schedule(arrays["edges"], arrays["weights"], tuple(problem.sensors.names))
+            else:
+                schedule = make(arrays["edges"], arrays["weights"])
         return replace(
             Solution(
                 family=content["family"],

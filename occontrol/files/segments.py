@@ -11,6 +11,7 @@ import numpy as np
 
 from occontrol.core.clock import resolution
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural, suggest
+from occontrol.core.reading_schedule import Reading, readings_of
 from occontrol.core.schedule import INTEGER, Schedule, snap
 from occontrol.core.sensor import IDLE
 from occontrol.files.positions import in_order
@@ -45,6 +46,11 @@ def schedule_of(segments: Sequence[Segment], problem: Any, file: str) -> Schedul
     segments = sorted(segments, key=lambda s: s.start)
     if not segments:
         raise ProblemError(Mistake((), "the schedule has no segment", place=file))
+    if takes_readings(problem):
+        entries = [Reading(s.start, s.end, s.sensors, s.weights, s.place()) for s in segments]
+        names, variable = tuple(problem.sensors.names), problem.clock.variable
+        weights = readings_of(entries, problem.clock.times, names, problem.select, variable)
+        return problem.make_schedule(problem.edges, weights)
     grid = grid_of(problem)
     switches = _switches(segments, grid, found)
     weights = [_weights(segment, problem, found) for segment in segments]
@@ -67,9 +73,9 @@ def as_read(schedule: Schedule, problem: Any) -> Schedule:
 
     Raises ProblemError as `schedule_of` does.
     """
-    segments, first = [], 0
+    segments, first, instants = [], 0, takes_readings(problem)
     for k, weights in enumerate(schedule.weights, 1):
-        if k < len(schedule.weights) and np.array_equal(weights, schedule.weights[k]):
+        if not instants and k < len(schedule.weights) and np.array_equal(weights, schedule.weights[k]):
             continue  # one segment, and so one mistake, for neighbours that are alike
         used = [j for j in range(len(weights)) if abs(weights[j]) > INTEGER]
         shares = None
@@ -78,9 +84,17 @@ def as_read(schedule: Schedule, problem: Any) -> Schedule:
             shares = tuple(float(weights[j]) for j in used)
         start, end = float(schedule.edges[first]), float(schedule.edges[k])
         place = partial("t = {:.12g} .. {:.12g}".format, start, end)
+        if instants:
+            end = start
+            place = partial("{} = {:.12g}".format, problem.clock.variable, start)
         segments.append(Segment(start, end, tuple(schedule.names[j] for j in used), shares, place))
         first = k
     return schedule_of(segments, problem, "")
+
+
+def takes_readings(problem: Any) -> bool:
+    """Whether a schedule of the problem lists readings at instants instead of segments of time."""
+    return bool(getattr(problem, "takes_readings", False))
 
 
 def grid_of(problem: Any) -> np.ndarray:

@@ -104,6 +104,7 @@ def assemble(
         relaxed_lower_bound=relaxed.lower_bound if relaxed is not None else certificate.lower_bound,
         singular_fraction=singular,
         intervals=problem.intervals,
+        readings=None,
         integration_steps=evaluated.steps,
         integration_error=error_of_steps,
         added_edges=[{"t": t, "why": why} for t, why in problem.added_edges],

@@ -27,10 +27,10 @@ def sizes(problem: SchedulingProblem) -> str:
     parts = [
         count(problem.states, "state"),
         count(len(problem.sensors), "sensor"),
-        count(problem.intervals, "interval"),
+        count(problem.readings, "reading") if problem.takes_readings else count(problem.intervals, "interval"),
     ]
-    if problem.select > 1:
-        parts.append(f"{problem.select} at a time")
+    if problem.places > 1:
+        parts.append(f"{problem.places} at a time")
     return " · ".join(parts)
 
 
@@ -79,7 +79,7 @@ def _compared_schedules(axes: Axes, problem: SchedulingProblem, solutions: Mappi
             continue
         base = np.full(len(schedule.edges), len(solutions) - 1 - row - 0.35)
         for j in range(len(schedule.names)):
-            share = np.append(schedule.weights[:, j], schedule.weights[-1, j]) / problem.select * 0.7
+            share = np.append(schedule.weights[:, j], schedule.weights[-1, j]) / problem.places * 0.7
             if np.any(share > 0):
                 axes.fill_between(schedule.edges, base, base + share, step="post", color=colours[j], linewidth=0)
             base = base + share

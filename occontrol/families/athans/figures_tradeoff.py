@@ -86,7 +86,7 @@ def _schedules(front: Front) -> Figure:
 def _row(axes: Axes, front: Front, weights: np.ndarray, row: int, colours: list[str]) -> None:
     """The sensors of one schedule, stacked where several are in use."""
     edges = front.problem.edges
-    height = 0.8 / front.problem.select
+    height = 0.8 / front.problem.places
     base = np.full(len(weights), row - 0.4)
     for j, colour in enumerate(colours):
         top = base + height * weights[:, j]

@@ -17,6 +17,7 @@ from occontrol.families.athans.baselines import BestSingle, Greedy, Random, Roun
 
 if TYPE_CHECKING:
     from occontrol.core.monitor import Monitor
+    from occontrol.families.athans.base import AthansProblem
     from occontrol.families.athans.found import Found
     from occontrol.families.athans.problem import SchedulingProblem
     from occontrol.scheduling.feasible_set import FeasibleSet
@@ -78,6 +79,8 @@ class RelaxRoundPolish:
     max_iterations : steps of the relaxation
     polish : rounds of exact single exchanges after rounding, 0 is none
     time_limit : seconds, None is no limit
+    branch_first, strengthen : tighter bounds for readings, by fixing first choices and by noise extraction; None is
+        where they pay
     """
 
     name: ClassVar[str] = "schedule"
@@ -85,19 +88,26 @@ class RelaxRoundPolish:
     max_iterations: int = 3000
     polish: int = 200
     time_limit: float | None = None
+    branch_first: bool | None = None
+    strengthen: bool | None = None
 
     def __post_init__(self) -> None:
         check_options(self, positive=_POSITIVE, whole={"max_iterations": 1, "polish": 0})
 
-    def check(self, problem: SchedulingProblem) -> Sequence[Mistake]:
-        """Nothing: it fits every problem."""
-        return ()
+    def check(self, problem: AthansProblem) -> Sequence[Mistake]:
+        """Options of readings for a problem of continuous sensing."""
+        stated = [name for name in ("branch_first", "strengthen") if getattr(self, name) is not None]
+        hint = "sensing: samples, or horizon: {steps: ..}"
+        return [] if problem.takes_readings else [
+            Mistake((name,), f"{name} is for readings at instants", hint, key=True) for name in stated
+        ]  # fmt: skip
 
     def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
         """The best of several roundings of the relaxed optimum, polished."""
         from occontrol.families.athans.found import relax
         from occontrol.families.athans.integration.polish import Repolish, polish_for
         from occontrol.families.athans.integration.priced import Judged, in_terms_of, judge_of
+        from occontrol.scheduling.baselines import greedy
         from occontrol.scheduling.hminimal import polish
         from occontrol.scheduling.rounding import roundings
         from occontrol.scheduling.shaking import shake
@@ -106,12 +116,14 @@ class RelaxRoundPolish:
         found.proves = True
         monitor.stage = "rounding"
         # none of the roundings is the best on every problem, and a polish costs a fraction of the relaxation
-        candidates = sorted(roundings(found.weights, feasible_set), key=sweep.cost)
+        readings = sweep.recursion.charge is not None
+        further = [greedy(sweep.recursion, feasible_set)] if readings else []
+        candidates = sorted([*roundings(found.weights, feasible_set), *further], key=sweep.cost)
         found.weights, relaxed = candidates[0], found.relaxed
         if self.polish and not monitor.stop:
-            # without exact exchanges a polish is slow: the best start alone
+            # without exact exchanges a polish is slow: the best start alone, but for readings, of which there are few
             exact = sweep.foresees_exchanges and not sweep.dense
-            starts = candidates if exact else candidates[:1]
+            starts = candidates if exact or readings else candidates[:1]
             done = [polish(sweep, feasible_set, start, self.polish, monitor) for start in starts]
             best, judge = min(done, key=lambda o: o.cost), judge_of(sweep)
             if relaxed is not None:

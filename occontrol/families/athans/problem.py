@@ -15,6 +15,7 @@ from occontrol.core.errors import Collector, InfeasibleError, Mistake
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, SensorSuite
 from occontrol.core.signal import Signal, TableSignal, as_signal
+from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.integration.edges import fitted_edges, missed_windows
 from occontrol.families.athans.integration.options import Integration
 
@@ -22,7 +23,7 @@ MOST_GAPS = 10  # of a window plan that are named
 
 
 @dataclass(frozen=True, eq=False)
-class SchedulingProblem:
+class SchedulingProblem(AthansProblem):
     """Choose v_j(t), sum_j v_j = select, to minimise
 
         J = alpha int sum_j q_j v_j dt + int tr(R Sigma) dt + tr(W Sigma(T)),   W = Phi(Tp,T)' D' D Phi(Tp,T)
@@ -38,6 +39,7 @@ class SchedulingProblem:
     cost_weight : alpha >= 0
     running : R(t), (n, n) positive semidefinite, optional
     select : how many sensors are used at a time
+    least : how many of these must be sensors, where idle may fill the other places
     method : an options object of the family's METHODS, or None for the default
     expect : {source, cost, tolerance}, the known answer, if any
     integration : accuracy or steps of the integration, and which times become edges
@@ -56,6 +58,7 @@ class SchedulingProblem:
     cost_weight: float = 1.0
     running: Any = None
     select: int = 1
+    least: int = 0
     method: Any = None
     expect: Mapping[str, Any] | None = None
     integration: Integration = field(default_factory=Integration)
@@ -135,6 +138,9 @@ class SchedulingProblem:
         if isinstance(self.select, bool) or int(self.select) != self.select or not 1 <= self.select <= places:
             what = f"select is {self.select}, there are {len(self.sensors)} sensors"
             found.append(Mistake(("select",), what, f"1 <= select <= {len(self.sensors)}"))
+        elif not 0 <= self.least <= self.select:
+            what = f"select is {self.least}..{self.select}"
+            found.append(Mistake(("select",), what, "a range begins with the smaller number"))
         for path, signal in self.signals.items() if len(self.edges) else ():
             end = self.predict_at if path[0] in ("plant", "objective") else self.edges[-1]
             if isinstance(signal, TableSignal) and not signal.covers(self.edges[0], float(end or 0)):
@@ -197,6 +203,11 @@ class SchedulingProblem:
         return named
 
     @property
+    def places(self) -> int:
+        """How many sensors, idle among them, are used at a time: `select`."""
+        return self.select
+
+    @property
     def states(self) -> int:
         """The number n of states."""
         return self.plant.states
@@ -223,11 +234,11 @@ class SchedulingProblem:
 
     @cached_property
     def upper(self) -> np.ndarray:
-        """(N, M) the largest weight of each sensor on each interval: 0 outside windows, `select` for idle, else 1."""
+        """(N, M) the largest weight of each sensor on each interval: 0 outside windows, 1 inside; idle's fills up."""
         upper = np.zeros((self.intervals, len(self.sensors)))
         for j, sensor in enumerate(self.sensors):
             if sensor.is_idle:
-                upper[:, j] = self.select
+                upper[:, j] = self.select - self.least
             elif sensor.windows is None:
                 upper[:, j] = 1.0
             else:

@@ -16,7 +16,8 @@ class TopNumbers(ResultData):
     Parameters
     ----------
     cost, lower_bound, relative_gap : of the policy
-    of : "continuous", whenever a schedule switches; "grid", for schedules that change at the edges
+    of : "continuous", whenever a schedule switches; "grid", for schedules that change at the edges; "problem", for
+        every schedule of readings
     """
 
     cost: float
@@ -63,6 +64,8 @@ class AthansResult(ResultData):
     relaxed_cost, relaxed_lower_bound : of the convex relaxation
     singular_fraction : share of the horizon on singular arcs of the relaxed optimum
     intervals, integration_steps : how many intervals one can choose on, and steps in all of them
+    readings : how many instants there are at which sensors can be read; None for continuous sensing, which alone has
+        integration steps, a continuous check and singular arcs
     integration_error : estimated error of `cost` against continuous time
     added_edges : [{t, why}] edges that are not in the file
     warnings : what the file leaves to be thought over
@@ -83,15 +86,16 @@ class AthansResult(ResultData):
     running_cost: float
     prediction_error: float
     predicted_mean_square_error: float
-    continuous: ContinuousNumbers | None
-    discretisation_error: float
+    continuous: ContinuousNumbers | None = field(metadata={"optional": True})
+    discretisation_error: float | None = field(metadata={"optional": True})
     relaxed_cost: float
     relaxed_lower_bound: float
-    singular_fraction: float
+    singular_fraction: float | None = field(metadata={"optional": True})
     intervals: int
-    integration_steps: int
-    integration_error: float
-    added_edges: list[dict[str, Any]]
+    readings: int | None = field(metadata={"optional": True})
+    integration_steps: int | None = field(metadata={"optional": True})
+    integration_error: float | None = field(metadata={"optional": True})
+    added_edges: list[dict[str, Any]] | None = field(metadata={"optional": True})
     warnings: list[str]
     switches: int
     sweeps: Mapping[str, int]

@@ -9,23 +9,33 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from occontrol.core.clock import tolerance
-from occontrol.core.errors import Path, ProblemError
-from occontrol.core.plant import LinearPlant
+from occontrol.core.errors import ProblemError
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
-from occontrol.core.signal import ConstantSignal, Signal
+from occontrol.core.signal import ConstantSignal
 from occontrol.families.athans.growth import beyond_numbers
 from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.methods import METHODS
 from occontrol.families.athans.problem import SchedulingProblem, uniform_edges
+from occontrol.families.athans.readings import schema as readings
+from occontrol.families.athans.readings.documents import DOCUMENTS as READINGS
+from occontrol.families.athans.readings.documents import SamplesDocument, StepsDocument, document_for
+from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.families.athans.schema_parts import (
+    Plant,
+    Select,
+    or_none,
+    plant_document,
+    plant_of,
+    select_of,
+    sensor_kind,
+)
 from occontrol.families.athans.sensor_noise import sensor_noise
 from occontrol.files.schema.common import (
     Context,
-    Entries,
     Expect,
     Matrix,
     Method,
     Strict,
-    Vector,
     Whole,
     options_document,
     plain,
@@ -49,19 +59,6 @@ class Horizon(Strict):
     refine: bool = Field(True, description="refine: whether intervals that one choice spoils may be cut")
 
 
-class Initial(Strict):
-    mean: Vector = None
-    covariance: Matrix = Field(description="covariance: {diag: [..]} or rows")
-
-
-class Plant(Strict):
-    A: Matrix = Field(description="A: a list of rows")
-    B: Matrix = None
-    input: Entries = None
-    noise: Matrix = Field(description="noise: the intensity Xi of the plant noise")
-    initial: Initial = Field(description="initial: {mean: .., covariance: ..}")
-
-
 class SensorEntry(Strict):
     name: str = Field(description="name: a word")
     C: Matrix = Field(description="C: a list of rows, one entry per state")
@@ -72,12 +69,8 @@ class SensorEntry(Strict):
     windows: list[list[float]] | None = Field(None, description="windows: [[start, end], ..]")
 
 
-def _sensor_kind(value: Any) -> str:
-    return "word" if isinstance(value, str) else "sensor"
-
-
 AnySensor = Annotated[
-    Annotated[SensorEntry, Tag("sensor")] | Annotated[Literal["idle"], Tag("word")], Discriminator(_sensor_kind)
+    Annotated[SensorEntry, Tag("sensor")] | Annotated[Literal["idle"], Tag("word")], Discriminator(sensor_kind)
 ]
 
 
@@ -97,14 +90,32 @@ class Document(Strict):
     sensors: list[AnySensor] = Field(
         description="sensors: a list of {name: .., C: .., noise: .., cost: ..} and idle", min_length=1
     )
-    select: Whole = 1
+    sensing: Literal["rate"] = "rate"
+    select: Select = 1
     objective: Objective = Field(description="objective: {cost_weight: .., output: ..}")
     method: Method = None
     expect: Expect = None
 
 
-def build(document: Document, context: Context) -> SchedulingProblem:
+DOCUMENTS = (Document, *READINGS)
+
+
+def model_for(data: Any) -> type[Strict]:
+    """Which of DOCUMENTS a file is, by its horizon, its plant and `sensing`.
+
+    Parameters
+    ----------
+    data : the plain content of the file
+    """
+    return document_for(data) or Document
+
+
+def build(
+    document: Document | StepsDocument | SamplesDocument, context: Context
+) -> SchedulingProblem | ReadingsProblem:
     """The problem that the document describes; ProblemError with every mistake."""
+    if not isinstance(document, Document):
+        return readings.build(document, context)
     found, objective = context.found, document.objective
     name = context.title(document.name)
     edges = _edges(document.horizon, context)
@@ -112,9 +123,13 @@ def build(document: Document, context: Context) -> SchedulingProblem:
     expect = context.expect(document.expect)
     output = context.signal(objective.output, "objective", "output")
     running = None if objective.running is None else context.signal(objective.running, "objective", "running")
-    plant = _plant(document.plant, context)
+    plant = plant_of(document.plant, context)
     states = 1 if plant is None else plant.states
     sensors = [_sensor(entry, j, states, context) for j, entry in enumerate(document.sensors)]
+    select = select_of(document.select, context)
+    least, most = select if isinstance(select, tuple) else (0, 1 if select is None else select)
+    if isinstance(select, tuple) and IDLE not in document.sensors:
+        sensors.append(idle_sensor(states))
     if plant is None:
         raise ProblemError(found.mistakes)
     # stand-ins for what is already known to be wrong let the problem look at all the rest
@@ -129,7 +144,8 @@ def build(document: Document, context: Context) -> SchedulingProblem:
         predict_at=document.horizon.predict_at,
         cost_weight=objective.cost_weight,
         running=running,
-        select=document.select,
+        select=most,
+        least=least,
         method=method,
         expect=expect,
         integration=Integration(**{f.name: getattr(document.horizon, f.name) for f in fields(Integration)}),
@@ -189,43 +205,6 @@ def _edges(horizon: Horizon, context: Context) -> Any:
     return None
 
 
-def _plant(entry: Plant, context: Context) -> LinearPlant | None:
-    """The plant, with stand-ins for wrong parts, which are noted, as long as A can be read."""
-    A = context.signal(entry.A, "plant", "A")
-    parts: dict[str, Any] = {
-        "noise": context.signal(entry.noise, "plant", "noise"),
-        "covariance": context.constant(entry.initial.covariance, "plant", "initial", "covariance"),
-        "mean": None if entry.initial.mean is None else context.vector(entry.initial.mean, "plant", "initial", "mean"),
-        "B": None if entry.B is None else context.signal(entry.B, "plant", "B"),
-        "input": None if entry.input is None else context.entries(entry.input, "plant", "input"),
-    }
-    lost = (entry.B is not None and parts["B"] is None) or (entry.input is not None and parts["input"] is None)
-    if A is None:
-        others = [part.shape[0] for part in (parts["noise"], parts["covariance"]) if part is not None]
-        if not isinstance(entry.A, list) or len(entry.A) not in others:
-            return None
-        n = len(entry.A)  # an entry is wrong, but the rows tell the number of states
-        A = ConstantSignal(np.zeros((n, n)))
-    n = A.shape[0]
-    stand_in = {"noise": np.zeros((n, n)), "covariance": np.zeros((n, n)), "mean": None, "B": None, "input": None}
-    if lost:
-        parts["B"] = parts["input"] = None
-    for key in ("noise", "covariance"):
-        parts[key] = stand_in[key] if parts[key] is None else parts[key]
-    known = len(context.found.mistakes)
-    plant = context.attempt(LinearPlant, "plant", A=A, **parts)
-    if plant is None:
-        fresh = context.found.mistakes[known:]
-        bad = {m.path[1] for m in fresh if len(m.path) > 1}
-        initial: dict[Path, Path] = {("plant", key): ("plant", "initial", key) for key in ("covariance", "mean")}
-        context.found.mistakes[known:] = [m.moved(initial.get(m.path[:2], m.path[:2])) for m in fresh]
-        if "A" in bad:
-            return None
-        bad |= {"B", "input"} if bad & {"B", "input"} else set()
-        plant = LinearPlant(A=A, **{key: stand_in[key] if key in bad else value for key, value in parts.items()})
-    return plant
-
-
 def _sensor(entry: SensorEntry | str, j: int, states: int, context: Context) -> Sensor:
     """The sensor; one that measures nothing in its place when there is a mistake (that is noted)."""
     if isinstance(entry, str):
@@ -242,45 +221,30 @@ def _sensor(entry: SensorEntry | str, j: int, states: int, context: Context) -> 
     )
 
 
-def document(problem: SchedulingProblem) -> dict[str, Any]:
+def document(problem: SchedulingProblem | ReadingsProblem) -> dict[str, Any]:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
+    if isinstance(problem, ReadingsProblem):
+        return readings.document(problem)
     plant = problem.plant
     horizon = {"edges": problem.edges.tolist(), "predict_at": problem.predict_at, **problem.integration.as_dict()}
     result = {
         "family": "athans",
         "name": problem.name,
         "horizon": horizon,
-        "plant": prune(
-            {
-                "A": plant.A.document(),
-                "B": _or_none(plant.B),
-                "input": _input(plant.input),
-                "noise": plant.noise.document(),
-                "initial": {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()},
-            }
-        ),
+        "plant": plant_document(plant),
         "sensors": [_sensor_document(sensor) for sensor in problem.sensors],
-        "select": int(problem.select),
+        "select": [int(problem.least), int(problem.select)] if problem.least else int(problem.select),
         "objective": prune(
             {
                 "cost_weight": float(problem.cost_weight),
                 "output": problem.output.document(),
-                "running": _or_none(problem.running),
+                "running": or_none(problem.running),
             }
         ),
         "method": options_document(problem.method),
         "expect": None if problem.expect is None else plain(problem.expect),
     }
     return prune(result)
-
-
-def _or_none(signal: Signal | None) -> Any:
-    return None if signal is None else signal.document()
-
-
-def _input(signal: Signal | None) -> Any:
-    value = _or_none(signal)
-    return [row[0] for row in value] if isinstance(value, list) else value
 
 
 def _sensor_document(sensor: Sensor) -> Any:

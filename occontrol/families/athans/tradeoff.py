@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -94,7 +95,8 @@ class Front:
         names = tuple(self.problem.sensors.names)
         points = []
         for i, alpha in enumerate(self.cost_weights):
-            schedule = Schedule(self.problem.edges, self.schedules.weights[i], names)
+            make = self.problem.make_schedule if self.problem.takes_readings else partial(Schedule, names=names)
+            schedule = make(self.problem.edges, self.schedules.weights[i])
             cost, bound = float(self.schedules.cost[i]), float(self.lower_bound[i])
             points.append(
                 {
@@ -162,7 +164,7 @@ def tradeoff(problem: SchedulingProblem, cost_weights: Sequence[float], monitor:
         alphas,
         _best_for_each(alphas, [point.schedule for point in points]),
         best,
-        np.minimum(_concave(alphas, bounds), best.cost),
+        np.minimum(concave(alphas, bounds), best.cost),
         prediction_weight(problem)[1],
         status,
         "continuous" if all(point.continuous for point in points) else "grid",
@@ -228,7 +230,7 @@ def _best_for_each(alphas: np.ndarray, policies: list[_Policy]) -> Policies:
     return Policies(weights, q[chosen], e[chosen], table[np.arange(len(alphas)), chosen])
 
 
-def _concave(alphas: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+def concave(alphas: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """The optimal cost is concave in alpha, so what lies on a chord of two bounds is a bound, too."""
     best = bounds.copy()
     for i, a in enumerate(alphas):

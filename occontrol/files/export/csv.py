@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from occontrol.core.reading_schedule import ReadingSchedule
 from occontrol.core.solution import Solution
 from occontrol.files.spreadsheet import Numbers
 from occontrol.files.tables import write_table
@@ -38,6 +39,8 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     schedule = solution.result.get("schedule")
+    if schedule and isinstance(solution.schedule, ReadingSchedule):
+        schedule = [_instant(record, solution.schedule.variable) for record in schedule]
     if schedule:
         written.append(_schedule(schedule, target if single else folder / "schedule.csv"))
     arrays = solution.arrays
@@ -52,6 +55,12 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
         rows = ([*i, *row] for i, row in zip(index, flat, strict=True))
         written.append(write_table(path, [*index_names, *columns], rows))
     return written
+
+
+def _instant(record: dict, variable: str) -> dict:
+    """A reading as a segment whose start is its end."""
+    others = {key: value for key, value in record.items() if key != variable}
+    return {"start": record[variable], "end": record[variable], **others}
 
 
 def _schedule(schedule: Sequence[dict], path: Path) -> Path:

@@ -5,25 +5,26 @@ from __future__ import annotations
 import dataclasses
 import json
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import BaseModel, TypeAdapter
 
 
-def json_schema(title: str, document: type[BaseModel], methods: Mapping[str, type]) -> dict[str, Any]:
-    """The JSON Schema of a document, with the names and options of the methods that it may name.
+def json_schema(title: str, documents: Sequence[type[BaseModel]], methods: Mapping[str, type]) -> dict[str, Any]:
+    """The JSON Schema of problem files, with the names and options of the methods that they may name.
 
     Parameters
     ----------
     title : of the schema
-    document : pydantic model of a problem file
+    documents : pydantic models; a file is one of them
     methods : {name: dataclass of options}
     """
-    schema = document.model_json_schema()
-    if methods and "method" in schema["properties"]:
-        forms = [_method(name, options) for name, options in methods.items()]
-        schema["properties"]["method"] = {"anyOf": [{"enum": list(methods)}, *forms]}
+    schema = TypeAdapter(typing.Union[tuple(documents)]).json_schema()  # noqa: UP007
+    forms = [_method(name, options) for name, options in methods.items()]
+    for form in [schema, *schema.get("$defs", {}).values()]:
+        if methods and "method" in form.get("properties", {}):
+            form["properties"]["method"] = {"anyOf": [{"enum": list(methods)}, *forms]}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": title}
 
 

@@ -57,7 +57,7 @@ def run_filter(
     steps = [matched.state()]
     for sample in samples:
         steps.append(matched.step(sample))
-    notes = _notes(sampled, steps, gate)
+    notes = notes_of(sampled, steps, gate)
     if model == "split":
         worst = float(np.max(expected_nees(problem, schedule)))
         if worst > COARSE_NEES:
@@ -65,14 +65,14 @@ def run_filter(
                 f"the grid is coarse for this filter: against the continuous plant its NEES per state is expected to "
                 f"reach {worst:.3g} instead of 1; the exact model (model: exact) has no such error",
             )
-    deviation = np.array([_deviation(s.covariance) for s in steps])
+    deviation = np.array([deviation_of(s.covariance) for s in steps])
     output = _present_output(problem, steps)
     return Estimate(
         times=sampled.edges,
         mean=np.array([s.estimate for s in steps]),
         standard_deviation=deviation,
         predicted=np.array([s.prediction for s in steps]),
-        predicted_deviation=np.array([_deviation(s.prediction_covariance) for s in steps]),
+        predicted_deviation=np.array([deviation_of(s.prediction_covariance) for s in steps]),
         nis=np.array([s.nis for s in steps]),
         dimension=np.array([s.dimension for s in steps]),
         covariance=np.array([s.covariance for s in steps]),
@@ -82,7 +82,8 @@ def run_filter(
     )
 
 
-def _deviation(covariance: np.ndarray) -> np.ndarray:
+def deviation_of(covariance: np.ndarray) -> np.ndarray:
+    """(n,) standard deviations of a covariance (n, n)."""
     return np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
 
@@ -91,20 +92,32 @@ def _present_output(problem: SchedulingProblem, steps: Sequence[MatchedStep]) ->
     D = problem.output.sample(np.array([s.time for s in steps]))
     with np.errstate(invalid="ignore"):  # only D(Tp) has to be finite; elsewhere the fields stay empty
         mean = np.array([d @ s.estimate for d, s in zip(D, steps, strict=True)])
-        deviation = np.array([_deviation(d @ s.covariance @ d.T) for d, s in zip(D, steps, strict=True)])
+        deviation = np.array([deviation_of(d @ s.covariance @ d.T) for d, s in zip(D, steps, strict=True)])
     return mean, deviation
 
 
-def _notes(model: SampledModel, steps: Sequence[MatchedStep], gate: float | None) -> tuple[str, ...]:
+def notes_of(
+    model: SampledModel, steps: Sequence[MatchedStep], gate: float | None, instants: bool = False
+) -> tuple[str, ...]:
+    """What is worth saying after a run: outliers or what the gate left out, missing values, the average NIS.
+
+    Parameters
+    ----------
+    model : that was followed, N intervals
+    steps : N+1 of them, the first before any sample
+    gate : as in `run_filter`
+    instants : whether a sample is a reading at the end of its interval instead of an average over it
+    """
     notes = [note for note in (_outlier(steps) if gate is None else _gated(steps, gate),) if note]
     arrived = np.array([s.dimension + s.skipped_values for s in steps[1:]])
     missing = np.flatnonzero(arrived < model.dimension)
     if len(missing):
         lost, planned, first = int(np.sum(model.dimension - arrived)), int(np.sum(model.dimension)), missing[0]
+        start, end = model.edges[first], model.edges[first + 1]
+        where = f"at {end:g}" if instants else f"over [{start:g}, {end:g}]"
         notes.append(
-            f"{lost} of {planned} planned values are missing, the first over [{model.edges[first]:g}, "
-            f"{model.edges[first + 1]:g}]: the precomputed gains and covariances do not hold from there, "
-            "they were computed anew"
+            f"{lost} of {planned} planned values are missing, the first {where}: the precomputed gains and "
+            "covariances do not hold from there, they were computed anew"
         )
     values = int(sum(s.dimension for s in steps))
     if values:

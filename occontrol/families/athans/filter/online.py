@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from occontrol.core.measurement import Step
 from occontrol.core.schedule import Schedule
 from occontrol.families.athans.filter.predictor import Predictor, make_predictor
 from occontrol.families.athans.filter.sampled_model import SampledModel, exact_model, split_model
-from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.linalg import square_root, symmetrise
 from occontrol.numerics.square_root_filter import advance, gain_of, triangularise, whitened
 
@@ -109,11 +109,12 @@ class MatchedFilter:
 
     Parameters
     ----------
-    problem : SchedulingProblem
+    problem : SchedulingProblem; any problem where model and predictor are given
     schedule : Schedule to follow
     model : "split" (default; its covariance is the schedule's) or "exact" (for coarse grids), or a SampledModel
     plan : Plan to use instead of the computed one
     gate : probability; a sample farther off than a consistent one would be with this probability is left out
+    predictor : Predictor for the model's nodes, where they are not the edges of a SchedulingProblem
 
     Athans (1971), equations (3.2), (3.6)-(3.8), (7.3)-(7.5).
 
@@ -122,11 +123,12 @@ class MatchedFilter:
 
     def __init__(
         self,
-        problem: SchedulingProblem,
+        problem: Any,
         schedule: Schedule,
         model: str | SampledModel = "split",
         plan: Plan | None = None,
         gate: float | None = None,
+        predictor: Predictor | None = None,
     ):
         if isinstance(model, str) and model not in MODELS:
             raise UsageError(f"there is no filter model '{model}'\n  hint: there are: {', '.join(MODELS)}")
@@ -136,7 +138,7 @@ class MatchedFilter:
         self.gate = gate
         self._limits: dict[int, float] = {}
         self.plan = plan or make_plan(self.model)
-        self.predictor: Predictor = make_predictor(problem, self.model)
+        self.predictor: Predictor = predictor or make_predictor(problem, self.model)
         self.restart()
 
     def restart(self) -> None:

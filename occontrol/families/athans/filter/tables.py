@@ -33,7 +33,19 @@ def filter_tables(problem: SchedulingProblem, schedule: Schedule, model: str = "
     (N+1, p, n), predict_offset (N+1, p), predict_noise (N+1, p, p), output (N+1, p, n) D(t).
     """
     matched = MatchedFilter(problem, schedule, model)
-    model_, plan, N, n = matched.model, matched.plan, len(schedule.edges) - 1, problem.states
+    return tables_of(matched, np.array(problem.output.sample(matched.model.edges)))
+
+
+def tables_of(matched: MatchedFilter, output: np.ndarray) -> dict[str, np.ndarray]:
+    """The tables of an on-line filter that is ready.
+
+    Parameters
+    ----------
+    matched : MatchedFilter with N intervals
+    output : (N+1, p, n) D at its nodes
+    """
+    model_, plan = matched.model, matched.plan
+    N, n = model_.intervals, model_.states
     m = int(np.max(model_.dimension, initial=0))
     result = {
         "edges": model_.edges,
@@ -53,7 +65,7 @@ def filter_tables(problem: SchedulingProblem, schedule: Schedule, model: str = "
         "predict_matrix": matched.predictor.matrix,
         "predict_offset": matched.predictor.offset,
         "predict_noise": matched.predictor.noise,
-        "output": np.array(problem.output.sample(model_.edges)),
+        "output": output,
     }
     for k in range(N):
         r = len(model_.offset[k])

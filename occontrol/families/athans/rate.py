@@ -1,0 +1,183 @@
+"""Problems of continuous sensing: the half of the family whose noise is an intensity and whose cost is a rate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from occontrol.core import stopwatch
+from occontrol.core.errors import Mistake, SolveFailed, UsageError
+from occontrol.core.schedule import Schedule
+from occontrol.core.solution import Solution
+from occontrol.families.athans.base import AthansProblem
+from occontrol.families.athans.methods import METHODS
+from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.families.athans.result import AthansResult
+from occontrol.families.family import Ability, Family
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import ModuleType
+
+    from matplotlib.figure import Figure
+
+    from occontrol.core.claims import Claims
+    from occontrol.core.measurement import Estimate, Measurement
+    from occontrol.core.monitor import Monitor
+    from occontrol.core.trajectory import Trajectory
+    from occontrol.families.athans.filter.online import MatchedFilter
+    from occontrol.families.athans.tradeoff import Front
+
+
+class RateFamily(Family):
+    """Continuous sensing: which sensor when, the schedule constant on intervals."""
+
+    name: ClassVar[str] = "athans"
+    title: ClassVar[str] = "off-line schedules in continuous time with a certificate (Athans 1971)"
+    methods: ClassVar[Mapping[str, type]] = METHODS
+    compared: ClassVar[Sequence[str]] = (
+        "schedule", "relaxed", "hminimal", "greedy", "best-single", "round-robin", "random",
+    )  # fmt: skip
+    abilities: ClassVar[frozenset[Ability]] = frozenset(Ability) - {Ability.MONTE_CARLO}
+    filter_options: ClassVar[Sequence[str]] = ("model", "gate")
+    problem_type: ClassVar[type] = AthansProblem
+    result_type: ClassVar[type] = AthansResult
+
+    def solve(self, problem: SchedulingProblem, method: Any, monitor: Monitor) -> Solution:
+        """Run `method` on the problem's recursion and certify what it found.
+
+        The status is certified, feasible, limit, interrupted or disagrees. Raises InfeasibleError when some interval
+        cannot be filled, SolveFailed when nothing usable was found.
+        """
+        from occontrol.families.athans.assembly import assemble
+        from occontrol.families.athans.balanced import balanced, restored
+        from occontrol.families.athans.discretise import feasible_set
+        from occontrol.families.athans.integration.refine import search_space
+
+        problem.require_feasible()
+        began = stopwatch.seconds()
+        inner, units = balanced(problem)
+        integrator, sweep = search_space(inner, method, monitor)
+        inner = integrator.problem  # edges may have been added
+        found = method.run(inner, sweep, feasible_set(inner), monitor)
+        return restored(assemble(inner, method.name, integrator, sweep, found, monitor, began), problem, units)
+
+    def require_feasible(self, problem: SchedulingProblem) -> None:
+        """Raise InfeasibleError, with the time, when some interval has too few available sensors."""
+        problem.require_feasible()
+
+    def warnings(self, problem: SchedulingProblem) -> list[Mistake]:
+        """Lost modes, useless windows and sensors, size."""
+        from occontrol.families.athans.warnings import warnings_of
+
+        return warnings_of(problem)
+
+    def describe(self, problem: SchedulingProblem) -> list[tuple[str, str]]:
+        """Sizes, costs, observability, an estimate of work."""
+        from occontrol.families.athans.text import describe
+
+        return describe(problem)
+
+    def summarise(self, problem: SchedulingProblem, solution: Solution) -> list[tuple[str, str]]:
+        """Cost, bound, the same in continuous time, the parts of the cost, switches."""
+        from occontrol.families.athans.text import summarise
+
+        return summarise(solution)
+
+    def schema(self) -> ModuleType:
+        """Problem files of this family."""
+        from occontrol.families.athans import schema
+
+        return schema
+
+    def figures(self, problem: SchedulingProblem, solution: Solution) -> dict[str, Figure]:
+        """overview, and the panels of it by themselves."""
+        from occontrol.families.athans.figures import draw
+
+        return draw(problem, solution)
+
+    def compare_figure(self, problem: SchedulingProblem, solutions: Mapping[str, Solution]) -> Figure | None:
+        """Schedules, costs and bounds of several methods below each other."""
+        from occontrol.families.athans.figures_compare import draw_compare
+
+        return draw_compare(problem, solutions)
+
+    def certify(self, problem: SchedulingProblem, schedule: Schedule, claims: Claims | None = None) -> Solution:
+        """Cost, lower bound and gap of anybody's schedule; refuted claims make the status `disagrees`."""
+        from occontrol.families.athans.certify import certify
+
+        return certify(problem, schedule, claims)
+
+    def claims_of(self, problem: SchedulingProblem, solution: Solution) -> Claims:
+        """Everything that a run says of its schedule."""
+        from occontrol.families.athans.certify import claims_of
+
+        return claims_of(solution)
+
+    def simulate(
+        self, problem: SchedulingProblem, solution: Solution | None, seed: int
+    ) -> tuple[list[Measurement], Trajectory]:
+        """A true trajectory of the continuous plant and what the scheduled sensors report of it."""
+        from occontrol.families.athans.filter.simulate import simulate
+
+        return simulate(problem, schedule_of(solution), seed)
+
+    def run_filter(
+        self,
+        problem: SchedulingProblem,
+        solution: Solution,
+        measurements: Sequence[Measurement],
+        model: str | None = None,
+        gate: float | None = None,
+    ) -> Estimate:
+        """The matched filter; `model` is "split" or "exact", None the one that belongs to the schedule.
+
+        `gate` is a probability, for example 0.9999: samples farther off than that are left out.
+        """
+        from occontrol.families.athans.filter.kalman_bucy import run_filter
+        from occontrol.families.athans.filter.planned import default_model
+
+        return run_filter(problem, schedule_of(solution), measurements, model or default_model(solution.result), gate)
+
+    def online(self, problem: SchedulingProblem, solution: Solution | None = None, method: Any = None) -> MatchedFilter:
+        """The matched filter for a loop on a target, along the solution's schedule.
+
+        Raises UsageError without a solution.
+        """
+        from occontrol.families.athans.filter.online import MatchedFilter
+
+        if solution is None:
+            what = "the on-line filter of family athans follows the schedule of a solution"
+            raise UsageError(f"{what}\n  hint: online(problem, solve(problem))")
+        return MatchedFilter(problem, schedule_of(solution))
+
+    def filter_tables(self, problem: SchedulingProblem, solution: Solution) -> dict[str, Any]:
+        """The matched filter as plain arrays, see filter/tables.py."""
+        from occontrol.families.athans.filter.planned import default_model
+        from occontrol.families.athans.filter.tables import filter_tables
+
+        if solution.schedule is None:
+            return {}
+        return filter_tables(problem, solution.schedule, default_model(solution.result))
+
+    def tradeoff(self, problem: SchedulingProblem, cost_weights: Sequence[float], monitor: Monitor) -> Front:
+        """Observation cost against prediction error over the cost weight alpha."""
+        from occontrol.families.athans.tradeoff import tradeoff
+
+        return tradeoff(problem, cost_weights, monitor)
+
+    def write_tradeoff(self, folder: Path, front: Front, figures: bool = True) -> list[Path]:
+        """tradeoff.json, front.csv, arrays.npz and pictures."""
+        from occontrol.families.athans.front_folder import write_front
+
+        return write_front(folder, front, figures)
+
+
+def schedule_of(solution: Solution | None) -> Schedule:
+    """The schedule of a solution; SolveFailed where there is none."""
+    if solution is None or solution.schedule is None:
+        raise SolveFailed("the solution has no schedule to follow")
+    return solution.schedule
+
+
+RATE = RateFamily()

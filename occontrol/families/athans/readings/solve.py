@@ -1,0 +1,59 @@
+"""One method on a problem of readings: search, tighter bounds, certificate, independent check."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from occontrol.core import stopwatch
+from occontrol.core.errors import UsageError
+from occontrol.core.monitor import Monitor
+from occontrol.core.solution import Solution
+from occontrol.families.athans.found import Found, relax
+from occontrol.families.athans.methods import Collocation, RelaxRoundPolish
+from occontrol.families.athans.readings.assembly import assemble
+from occontrol.families.athans.readings.bounds import tighten
+from occontrol.families.athans.readings.fill import feasible_set, fill
+from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.scheduling.sweep import Sweep
+
+
+def solve(problem: ReadingsProblem, method: Any, monitor: Monitor) -> Solution:
+    """Run `method` on the problem's recursion and certify what it found.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem
+    method : an options object of the family, but Collocation
+    monitor : Monitor
+
+    Raises UsageError for collocation, InfeasibleError when some instant cannot be filled.
+    """
+    if isinstance(method, Collocation):
+        raise UsageError("collocation does not do readings at instants\n  hint: method: schedule, or relaxed")
+    problem.require_feasible()
+    began = stopwatch.seconds()
+    filled = fill(problem)
+    sweep, allowed = Sweep(filled.recursion), feasible_set(problem)
+    found = method.run(problem, sweep, allowed, monitor)
+    found = tighten(sweep, allowed, found, method, monitor, keep=not isinstance(method, RelaxRoundPolish))
+    return assemble(problem, method.name, filled, found, monitor, began)
+
+
+def judged(problem: ReadingsProblem, weights: np.ndarray, relative_gap: float) -> tuple[Solution, Found]:
+    """The solution that a given policy is, with the best bound known, and the relaxation beside it.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem
+    weights : (E, M) of every decision
+    relative_gap : target of the relaxation
+    """
+    began, monitor = stopwatch.seconds(), Monitor()
+    filled = fill(problem)
+    sweep, allowed = Sweep(filled.recursion), feasible_set(problem)
+    found = relax(sweep, allowed, monitor, relative_gap)
+    found.weights = weights
+    found = tighten(sweep, allowed, found, None, monitor, keep=True)
+    return assemble(problem, "certify", filled, found, monitor, began), found

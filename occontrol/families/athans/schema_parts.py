@@ -1,0 +1,133 @@
+"""What the problem files of both kinds, continuous sensing and readings, have in common: plant, select, idle."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, WithJsonSchema
+
+from occontrol.core.errors import Path
+from occontrol.core.plant import LinearPlant
+from occontrol.core.signal import ConstantSignal, Signal
+from occontrol.files.schema.common import Context, Entries, Matrix, Strict, Vector, prune
+from occontrol.files.schema.words import shown
+
+RANGE = re.compile(r"\s*([0-9]{1,9})\s*\.\.\s*([0-9]{1,9})\s*", re.ASCII)
+
+Select = Annotated[
+    Any,
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "integer"},
+                {"type": "string", "pattern": r"^\s*[0-9]+\s*\.\.\s*[0-9]+\s*$"},
+                {"type": "array", "items": {"type": "integer"}, "minItems": 2, "maxItems": 2},
+            ]
+        }
+    ),
+]
+"""How many sensors at a time: a number, "a..b", or [a, b]; `select_of` reads it."""
+
+
+class Initial(Strict):
+    mean: Vector = None
+    covariance: Matrix = Field(description="covariance: {diag: [..]} or rows")
+
+
+class Plant(Strict):
+    A: Matrix = Field(description="A: a list of rows")
+    B: Matrix = None
+    input: Entries = None
+    noise: Matrix = Field(description="noise: the intensity Xi of the plant noise")
+    initial: Initial = Field(description="initial: {mean: .., covariance: ..}")
+
+
+def sensor_kind(value: Any) -> str:
+    """Which of the two forms an entry of `sensors` has."""
+    return "word" if isinstance(value, str) else "sensor"
+
+
+def select_of(value: Any, context: Context) -> int | tuple[int, int] | None:
+    """A number, or (least, most); None after a mistake.
+
+    Parameters
+    ----------
+    value : as in the file
+    context : where mistakes are noted
+    """
+    if isinstance(value, str) and (match := RANGE.fullmatch(value)):
+        value = [int(match[1]), int(match[2])]
+    if isinstance(value, list) and len(value) == 2 and all(map(_whole, value)):
+        least, most = (int(x) for x in value)
+        return most if least == most else (least, most)
+    if _whole(value):
+        return int(value)
+    what = f"select is {shown(value)}, it must be a whole number or a range"
+    context.found.add(("select",), what, "for example 1, 0..2 or [0, 2]")
+    return None
+
+
+def _whole(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and float(value).is_integer()
+
+
+def plant_of(entry: Plant, context: Context) -> LinearPlant | None:
+    """The plant, with stand-ins for wrong parts, which are noted, as long as A can be read."""
+    A = context.signal(entry.A, "plant", "A")
+    parts: dict[str, Any] = {
+        "noise": context.signal(entry.noise, "plant", "noise"),
+        "covariance": context.constant(entry.initial.covariance, "plant", "initial", "covariance"),
+        "mean": None if entry.initial.mean is None else context.vector(entry.initial.mean, "plant", "initial", "mean"),
+        "B": None if entry.B is None else context.signal(entry.B, "plant", "B"),
+        "input": None if entry.input is None else context.entries(entry.input, "plant", "input"),
+    }
+    lost = (entry.B is not None and parts["B"] is None) or (entry.input is not None and parts["input"] is None)
+    if A is None:
+        others = [part.shape[0] for part in (parts["noise"], parts["covariance"]) if part is not None]
+        if not isinstance(entry.A, list) or len(entry.A) not in others:
+            return None
+        n = len(entry.A)  # an entry is wrong, but the rows tell the number of states
+        A = ConstantSignal(np.zeros((n, n)))
+    n = A.shape[0]
+    stand_in = {"noise": np.zeros((n, n)), "covariance": np.zeros((n, n)), "mean": None, "B": None, "input": None}
+    if lost:
+        parts["B"] = parts["input"] = None
+    for key in ("noise", "covariance"):
+        parts[key] = stand_in[key] if parts[key] is None else parts[key]
+    known = len(context.found.mistakes)
+    plant = context.attempt(LinearPlant, "plant", A=A, **parts)
+    if plant is None:
+        fresh = context.found.mistakes[known:]
+        bad = {m.path[1] for m in fresh if len(m.path) > 1}
+        initial: dict[Path, Path] = {("plant", key): ("plant", "initial", key) for key in ("covariance", "mean")}
+        context.found.mistakes[known:] = [m.moved(initial.get(m.path[:2], m.path[:2])) for m in fresh]
+        if "A" in bad:
+            return None
+        bad |= {"B", "input"} if bad & {"B", "input"} else set()
+        plant = LinearPlant(A=A, **{key: stand_in[key] if key in bad else value for key, value in parts.items()})
+    return plant
+
+
+def plant_document(plant: LinearPlant) -> dict[str, Any]:
+    """The plant as it stands in a problem file."""
+    return prune(
+        {
+            "A": plant.A.document(),
+            "B": or_none(plant.B),
+            "input": _input(plant.input),
+            "noise": plant.noise.document(),
+            "initial": {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()},
+        }
+    )
+
+
+def or_none(signal: Signal | None) -> Any:
+    """What stands for a signal in a problem file; None for none."""
+    return None if signal is None else signal.document()
+
+
+def _input(signal: Signal | None) -> Any:
+    value = or_none(signal)
+    return [row[0] for row in value] if isinstance(value, list) else value

@@ -1,0 +1,104 @@
+"""Bounds that know readings are whole: noise extraction, and trees over first choices."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from occontrol.core.monitor import Monitor
+from occontrol.scheduling.extraction import ExtractedSweep, extraction
+from occontrol.scheduling.feasible_set import IntervalPolytopes
+from occontrol.scheduling.first_choices import TreeLimits, branch, choices
+from occontrol.scheduling.recursion import Recursion
+from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
+from occontrol.scheduling.sweep import Sweep
+
+
+def made(seed: int, n: int = 4, M: int = 3, N: int = 4, prior: float = 1.0) -> Recursion:
+    rng = np.random.default_rng(seed)
+    F = rng.standard_normal((n, n))
+    F *= 0.9 / np.max(np.abs(np.linalg.eigvals(F)))
+    return Recursion(
+        initial=prior * np.eye(n), transition=np.stack([np.eye(n), F]),
+        noise=np.stack([np.zeros((n, n)), 0.5 * np.eye(n)]),
+        predict=np.minimum(np.arange(N + 1), 1), rows=np.linalg.qr(rng.standard_normal((n, n)))[0][None, :M] / 0.7,
+        row_set=np.zeros(N, dtype=np.int64), offsets=np.arange(M + 1), steps=np.ones(N), cost=0.05 * rng.random((N, M)),
+        running=np.eye(n)[None], running_set=np.zeros(N, dtype=np.int64), terminal=np.zeros((n, n)),
+        available=np.ones((N, M)), charge=np.tile([0.0, 1.0], (N, 1)),
+    )  # fmt: skip
+
+
+def everything(sweep: Sweep, N: int, M: int) -> float:
+    return min(sweep.cost(np.eye(M)[list(c)]) for c in product(range(M), repeat=N))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_extracted_cost_is_the_cost_of_schedules_and_convex_between(seed):
+    r = made(seed)
+    rho, sweep = extraction(r), Sweep(r)
+    assert rho > 1.0
+    bent, rng = ExtractedSweep(sweep, rho), np.random.default_rng(seed)
+    whole = np.eye(3)[rng.integers(0, 3, 4)]
+    assert bent.cost(whole) == pytest.approx(sweep.cost(whole), rel=1e-13)
+    a, b = rng.dirichlet(np.ones(3), 4), rng.dirichlet(np.ones(3), 4)
+    assert bent.cost(a) >= sweep.cost(a) * (1 - 1e-12)
+    middle = bent.cost((a + b) / 2)
+    assert middle <= (bent.cost(a) + bent.cost(b)) / 2 + 1e-12
+    J, g = bent.cost_and_gradient(a)
+    assert J == pytest.approx(bent.cost(a), rel=1e-13)
+    for k, j in product(range(4), range(3)):
+        step = np.zeros((4, 3))
+        step[k, j] = 1e-6
+        assert g[k, j] == pytest.approx((bent.cost(a + step) - bent.cost(a - step)) / 2e-6, rel=1e-5, abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_its_bound_lies_between_the_plain_one_and_the_optimum(seed):
+    r, allowed = made(seed), IntervalPolytopes(np.ones((4, 3)), 1)
+    sweep, options = Sweep(r), RelaxedOptions(1e-6)
+    plain = minimise_relaxed(sweep, allowed, None, options)
+    bent = minimise_relaxed(ExtractedSweep(sweep, extraction(r)), allowed, plain.weights, options)
+    best = everything(sweep, 4, 3)
+    assert plain.lower_bound <= bent.lower_bound + 1e-6 * abs(best)
+    assert bent.lower_bound <= best * (1 + 1e-12)
+    assert bent.lower_bound > plain.lower_bound + 0.05 * (best - plain.lower_bound)
+
+
+def test_nothing_is_extracted_where_readings_see_the_same():
+    r = made(0, n=2, M=2)
+    twice = np.repeat(r.rows[:, :1], 2, axis=1)
+    assert extraction(replace(r, rows=twice)) == 1.0
+    assert extraction(replace(r, initial=np.zeros((2, 2)))) == 1.0
+
+
+@pytest.mark.parametrize("prior", [1.0, 1e4])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_tree_proves_the_optimum_of_a_small_problem(seed, prior):
+    r, allowed = made(seed, prior=prior), IntervalPolytopes(np.ones((4, 3)), 1)
+    sweep = Sweep(r)
+    root = minimise_relaxed(sweep, allowed, None, RelaxedOptions(1e-4))
+    best = everything(sweep, 4, 3)
+    tree = branch(sweep, allowed, root, 10 * best, TreeLimits(1e-6, 100_000), Monitor())
+    assert tree.closed
+    assert tree.cost == pytest.approx(best, rel=1e-12)
+    assert tree.weights is not None and sweep.cost(tree.weights) == tree.cost
+    assert best * (1 - 2e-6) <= tree.lower_bound <= best * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("gradients", [5, 30, 100, 400])
+def test_a_tree_that_is_stopped_still_has_a_bound(gradients):
+    r, allowed = made(1, N=5, prior=100.0), IntervalPolytopes(np.ones((5, 3)), 1)
+    sweep = Sweep(r)
+    root = minimise_relaxed(sweep, allowed, None, RelaxedOptions(1e-4))
+    best = everything(sweep, 5, 3)
+    tree = branch(sweep, allowed, root, best, TreeLimits(1e-6, gradients), Monitor())
+    assert root.lower_bound <= tree.lower_bound <= best * (1 + 1e-12)
+
+
+def test_choices_of_one_decision():
+    assert choices(np.ones(3), 4) is None
+    assert [list(c) for c in choices(np.array([1.0, 0.0, 1.0]), 1)] == [[0, 0, 1], [1, 0, 0]]
+    with_idle = choices(np.array([1.0, 1.0, 2.0]), 2)
+    assert sorted(map(tuple, with_idle)) == [(0, 0, 2), (0, 1, 1), (1, 0, 1), (1, 1, 0)]
+    assert choices(np.ones(40), 5) is None
