@@ -1,0 +1,169 @@
+"""The relaxation over a set that is known by its cheapest schedules only: simplicial decomposition.
+
+    minimise J(sum_p lam_p w_p) over shares lam of known schedules, then add the schedule that is cheapest for the
+    gradient there; J(v) - v.g + min w.g bounds J over the whole set at every step (von Hohenbalken 1977).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from occontrol.core.monitor import Monitor
+from occontrol.core.solution import Certificate, Status
+from occontrol.scheduling.feasible_set import FeasibleSet, IntervalPolytopes
+from occontrol.scheduling.objective import Objective
+from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, minimise_relaxed
+
+SMALL = 1e-10  # a share below which a schedule is dropped
+STEPS = 100  # of one master
+SHARE = 0.2  # of the gap that the master may leave
+
+
+@dataclass
+class _Shares:
+    """J on the shares (1, P) of known schedules (P, N, M)."""
+
+    objective: Objective
+    columns: np.ndarray
+    forward_count: int = 0
+    backward_count: int = 0
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return 1, len(self.columns)
+
+    @property
+    def states(self) -> int:
+        return self.objective.states
+
+    def policy(self, shares: np.ndarray) -> np.ndarray:
+        return np.tensordot(shares[0], self.columns, 1)
+
+    def cost(self, weights: np.ndarray) -> float:
+        self.forward_count += 1
+        return self.objective.cost(self.policy(weights))
+
+    def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
+        self.forward_count += 1
+        self.backward_count += 1
+        J, g = self.objective.cost_and_gradient(self.policy(weights))
+        return J, np.tensordot(self.columns, g, 2)[None]
+
+
+def minimise_by_vertices(
+    objective: Objective,
+    feasible_set: FeasibleSet,
+    start: np.ndarray,
+    options: RelaxedOptions,
+    monitor: Monitor,
+) -> tuple[RelaxedOutcome, np.ndarray]:
+    """The relaxed optimum and the schedules that it is a mixture of.
+
+    Parameters
+    ----------
+    objective : convex J on policies (N, M)
+    feasible_set : whose `vertex` is exact
+    start : (N, M) a schedule of the set
+    options : of the relaxation; max_iterations counts schedules
+    monitor : Monitor
+
+    Returns RelaxedOutcome, and the schedules (P, N, M) of positive share.
+    """
+    columns, shares = start[None], np.ones((1, 1))
+    before = objective.backward_count, objective.forward_count
+    J, g = objective.cost_and_gradient(start)
+    v, bound, iteration, stalled = start, -np.inf, 0, 0
+    while True:
+        new = feasible_set.vertex(g)
+        own = J + float(np.vdot(g, new - v))
+        better, bound = own > bound, max(bound, own)
+        monitor.report(iteration, J, bound)
+        target = options.relative_gap * abs(J)
+        if J - bound <= target:
+            status = Status.CERTIFIED
+            break
+        if monitor.interrupted:
+            status = Status.INTERRUPTED
+            break
+        known = bool(np.any(np.all(columns == new, axis=(1, 2))))
+        stalled = stalled + 1 if known and not better else 0
+        if iteration >= options.max_iterations or monitor.timed_out or stalled > 3:
+            status = Status.LIMIT
+            break
+        iteration += 1
+        if not known:
+            columns, shares = np.concatenate([columns, new[None]]), np.append(shares, [[0.0]], axis=1)
+        master = _Shares(objective, columns)
+        allowed = IntervalPolytopes(np.ones((1, len(columns))), 1)
+        goal = max((SHARE if stalled == 0 else 0.02) * (J - bound), 1e-14 * abs(J))
+        limits = RelaxedOptions(max_iterations=STEPS, absolute_gap=goal)
+        found = minimise_relaxed(master, allowed, allowed.project(shares), limits, monitor.silent())
+        kept = found.weights[0] > SMALL
+        columns, shares = columns[kept], allowed_shares(found.weights[:, kept])
+        v = np.tensordot(shares[0], columns, 1)
+        J, g = objective.cost_and_gradient(v)
+    certificate = Certificate(J, bound)
+    spent = {"gradients": objective.backward_count - before[0], "costs": objective.forward_count - before[1]}
+    status = Status.DISAGREES if certificate.contradicts else status
+    return RelaxedOutcome(v, J, certificate.lower_bound, g, iteration, status, spent, stalled > 3), columns
+
+
+def allowed_shares(shares: np.ndarray) -> np.ndarray:
+    """Shares (1, P) scaled to the sum 1."""
+    return shares / np.sum(shares)
+
+
+def by_moves(
+    sweep: Objective, feasible_set: FeasibleSet, start: np.ndarray, tried: int, monitor: Monitor
+) -> tuple[np.ndarray, float]:
+    """Local search: one reading moves to another instant or sensor, the best first by the gradient, on the true cost.
+
+    Parameters
+    ----------
+    sweep : J
+    feasible_set : which moves are allowed: `check` of the whole schedule decides
+    start : (N, M) schedule of the set
+    tried : moves that are tried from one schedule
+    monitor : Monitor
+
+    Returns the schedule (N, M) and its J; no tried move improves it.
+    """
+    v = start.copy()
+    J, g = sweep.cost_and_gradient(v)
+    while not monitor.stop:
+        best, best_J = None, J - 1e-13 * abs(J)
+        for move in _moves(feasible_set, v, g, tried):
+            cost = sweep.cost(move)
+            if cost < best_J:
+                best, best_J = move, cost
+        if best is None:
+            break
+        v = best
+        J, g = sweep.cost_and_gradient(v)
+    return v, J
+
+
+def _moves(feasible_set: FeasibleSet, v: np.ndarray, g: np.ndarray, tried: int):
+    """Schedules that differ by one reading (k, j) -> (k', j'), idle filling up, the most promising first."""
+    idle = feasible_set.idle  # type: ignore[attr-defined]
+    leaves, enters = feasible_set.exchange_masks(v)
+    leaves[:, idle] = enters[:, idle] = False
+    used, free = np.argwhere(leaves), np.argwhere(enters & (v < 0.5))
+    price = g - g[:, [idle]]
+    change = price[free[:, 0], free[:, 1]][None, :] - price[used[:, 0], used[:, 1]][:, None]
+    order = np.argsort(change, axis=None, kind="stable")
+    count = 0
+    for flat in order:
+        (k, j), (p, q) = used[flat // len(free)], free[flat % len(free)]
+        w = v.copy()
+        w[k, j], w[p, q] = 0.0, 1.0
+        w[k, idle] += 1.0
+        w[p, idle] -= 1.0
+        if w[p, idle] < -1e-9 or not feasible_set.contains(w):
+            continue
+        yield w
+        count += 1
+        if count >= tried:
+            return
