@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,6 +19,7 @@ except ImportError:  # a system without it: the number in the file has to do
     fcntl = None  # type: ignore[assignment]
 
 RUNS, LOCK = ".runs", "lock"
+PATIENCE, PAUSE = 200, 0.01  # how often, and after how many seconds, an owner without a number is looked at again
 _held: dict[str, list[int]] = {}  # real path -> [thread, how often]
 _guard = threading.Lock()
 
@@ -124,18 +126,31 @@ def _acquire(folder: Path) -> int:
 
 def _take(handle: int, folder: Path) -> None:
     """Lock the open file, or say who has it."""
+    for _ in range(PATIENCE):
+        if fcntl is not None:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return
+            except BlockingIOError:
+                # the owner writes its number after it has got the lock: before that, it may be nobody's or a dead one's
+                if pid := _owner(handle):
+                    raise _in_use(folder, pid) from None
+                time.sleep(PAUSE)
+                continue
+            except OSError:
+                pass  # a file system without locks
+        pid = _owner(handle)
+        if pid and pid != os.getpid():
+            raise _in_use(folder, pid)
+        return
+    raise _in_use(folder, 0)
+
+
+def _owner(handle: int) -> int:
+    """The number of the living process that has written itself into the file; 0 where there is none."""
     words = os.pread(handle, 100, 0).split()
-    pid = int(words[0]) if words and words[0].isdigit() else 0
-    if fcntl is not None:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return
-        except BlockingIOError:
-            raise _in_use(folder, pid) from None
-        except OSError:
-            pass  # a file system without locks
-    if len(words) == 2 and pid != os.getpid() and alive(pid, words[1].decode("ascii", "replace")):
-        raise _in_use(folder, pid)
+    pid = int(words[0]) if len(words) == 2 and words[0].isdigit() else 0
+    return pid if pid and alive(pid, words[1].decode("ascii", "replace")) else 0
 
 
 def _in_use(folder: Path, pid: int) -> FileAccessError:

@@ -27,6 +27,8 @@ MAX_STEPS = 16  # a span that needs more is halved
 MAX_PIECES = 256  # that may still be wrong at the same time
 SMOOTH = 0.13  # between 1/16, the fall of the roughness of what is smooth when steps are halved, and 1/4, of a kink
 SAME_BITS = 40  # lengths that agree in so many bits are one, their F and Q are shared
+BLOCK = 64 * 2**20  # bytes that steps may hold which are taken together
+WORKING = 80  # (n, n) arrays of one step: five samples of A and of Xi, three exponents and their commutators, expm
 INSET = 1e-7  # of a step: a table that is held takes its next value at the very end
 
 
@@ -190,7 +192,21 @@ def _magnus(
 
     Roughness: h times the distance, at the ends of a step, between a signal and the parabola through its three nodes.
     It falls as h^4 where all is smooth, as h^2 with a kink, as h with a jump, also one between the end and a node.
+    Many spans are taken block by block, because one step of one span needs the room of WORKING matrices.
     """
+    n = A.shape[0]
+    size = max(1, int(BLOCK / (8 * WORKING * n * n * steps)))
+    parts = [_magnus_block(A, noise, spans[i : i + size], steps, origin) for i in range(0, len(spans), size)]
+    if len(parts) == 1:
+        return parts[0]
+    F, Q, rough = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    return F, Q, rough
+
+
+def _magnus_block(
+    A: Signal, noise: Signal, spans: np.ndarray, steps: int, origin: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same of a few spans at once."""
     K, n = len(spans), A.shape[0]
     h = (spans[:, 1] - spans[:, 0]) / steps
     nodes = np.array([INSET, 0.5 - np.sqrt(15) / 10, 0.5, 0.5 + np.sqrt(15) / 10, 1 - INSET])

@@ -249,3 +249,28 @@ def test_names_of_arrays_never_become_paths(tmp_path: Path, small_solution: Solu
         assert run(["export", str(tmp_path / "run"), "--to", format, "--out", str(tmp_path / "out")]) == 3
         assert name in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_lock_whose_owner_has_not_yet_written_its_number_is_waited_for(tmp_path: Path, monkeypatch) -> None:
+    """The number comes a moment after the lock: the message names the owner all the same, and never a dead one."""
+    import fcntl
+
+    from occontrol.files import run_lock
+
+    (tmp_path / ".runs").mkdir()
+    path = tmp_path / ".runs" / "lock"
+    path.write_text("999999999 00000000\n")  # of a process that is no more
+    waited: list[float] = []
+    with open(path, "r+b", buffering=0) as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+
+        def pause(seconds: float) -> None:
+            waited.append(seconds)
+            if len(waited) == 3:
+                other.truncate(0)
+                os.pwrite(other.fileno(), f"{os.getpid()} {run_lock.boot()}\n".encode(), 0)
+
+        monkeypatch.setattr(run_lock.time, "sleep", pause)
+        with pytest.raises(FileAccessError, match=f"in use by pid {os.getpid()}"), locked(tmp_path):
+            pass
+    assert len(waited) == 3

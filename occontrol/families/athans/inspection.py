@@ -66,7 +66,9 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
     together, worst = _observability(problem)
     found.append(("observability", f"all sensors together: rank {together} of {n} over the horizon{worst}"))
     flops = N * (4 * n**3 + 6 * n * n * max(1, problem.output.shape[0]) + 4 * rows * n)
-    work = f"about {flops / 1e6:.3g} Mflop a sweep, tens of sweeps; {size(need(problem))} of memory, libraries included"
+    least, most = need(problem, 1), need(problem)
+    span = size(most) if least == most else f"{size(least)} to {size(most)}"
+    work = f"about {flops / 1e6:.3g} Mflop a sweep, tens of sweeps; {span} of memory, libraries included"
     found.append(("work", work))
     return found
 
