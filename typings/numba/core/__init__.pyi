@@ -1,1 +1,5 @@
+from typing import Any
+
 from numba.core import caching as caching
+
+event: Any
