@@ -78,7 +78,7 @@ def readings_of(
     Parameters
     ----------
     entries : in any order
-    times : (N,) the instants of the problem
+    times : (N,) the instants of the problem, in the unit of time
     names : the M sensors of the columns, perhaps idle among them
     select : (least, most) sensors at a time; where idle is among the names it fills up to `most`
     variable : "k" or "t", for words

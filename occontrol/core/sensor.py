@@ -140,7 +140,7 @@ class Sensor:
         return inside
 
     def readable(self, time: float) -> bool:
-        """Whether a reading at `time` lies inside a window, both ends included."""
+        """Whether a reading at `time`, in the unit of time, lies inside a window, both ends included."""
         if self.windows is None:
             return True
         return any(a - tolerance(b - a, a, time) <= time <= b + tolerance(b - a, b, time) for a, b in self.windows)

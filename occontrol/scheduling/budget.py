@@ -44,7 +44,10 @@ class BudgetSet(IntervalPolytopes):
         return np.array([j for j in range(len(self.names)) if j != self.idle])
 
     def vertex(self, gradient: np.ndarray) -> np.ndarray:
-        """The cheapest schedule (N, M) for g (N, M) that keeps the budget; ValueError where none does."""
+        """The cheapest schedule (N, M) for g (N, M) that keeps the budget; ValueError where none does.
+
+        `gradient` (N, M).
+        """
         real, idle = self.real, self.idle
         price = np.where(self.upper[:, real] > 0.5, gradient[:, real] - gradient[:, [idle]], np.inf)
         chosen = self._total(price) if TOTAL in self.budget else self._single(price)
@@ -100,7 +103,10 @@ class BudgetSet(IntervalPolytopes):
         return chosen
 
     def excess(self, weights: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """(N,) v.g - min w.g of all instants together, written on the first: a budget couples them."""
+        """(N,) v.g - min w.g of all instants together, written on the first: a budget couples them.
+
+        `weights` (N, M), `gradient` (N, M).
+        """
         result = np.zeros(len(weights))
         least = float(np.vdot(gradient, self.vertex(gradient)))
         result[0] = float(np.vdot(gradient, weights)) - least

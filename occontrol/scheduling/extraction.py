@@ -107,12 +107,12 @@ class ExtractedSweep:
         return phi, np.where(self._reads, self.rho / under**2, 1.0)
 
     def cost(self, weights: np.ndarray) -> float:
-        """J~ of a policy (N, M)."""
+        """J~ of a policy (N, M). `weights` (N, M)."""
         phi, _ = self._bent(weights)
         return self.sweep.cost(phi) + float(np.vdot(self._price, weights - phi))
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
-        """J~ and dJ~/dv (N, M) of a policy (N, M)."""
+        """J~ and dJ~/dv (N, M) of a policy (N, M). `weights` (N, M)."""
         phi, slope = self._bent(weights)
         J, g = self.sweep.cost_and_gradient(phi)
         return J + float(np.vdot(self._price, weights - phi)), (g - self._price) * slope + self._price

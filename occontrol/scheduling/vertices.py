@@ -111,7 +111,7 @@ def minimise_by_vertices(
 
 
 def allowed_shares(shares: np.ndarray) -> np.ndarray:
-    """Shares (1, P) scaled to the sum 1."""
+    """Shares (1, P) scaled to the sum 1. `shares` (1, P)."""
     return shares / np.sum(shares)
 
 

@@ -231,7 +231,10 @@ def _best_for_each(alphas: np.ndarray, policies: list[_Policy]) -> Policies:
 
 
 def concave(alphas: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """The optimal cost is concave in alpha, so what lies on a chord of two bounds is a bound, too."""
+    """The optimal cost is concave in alpha, so what lies on a chord of two bounds is a bound, too.
+
+    `alphas` (K,), `bounds` (K,).
+    """
     best = bounds.copy()
     for i, a in enumerate(alphas):
         for j in range(i):

@@ -104,7 +104,10 @@ class ReadingsFamily(RateFamily):
         return run_filter(problem, schedule_of(solution), measurements, gate)
 
     def online(self, problem: ReadingsProblem, solution: Solution | None = None, method: Any = None) -> MatchedFilter:
-        """The filter for a loop on a target, along the solution's schedule: one step a reading time."""
+        """The filter for a loop on a target, along the solution's schedule: one step a reading time.
+
+        Raises UsageError without a solution.
+        """
         from occontrol.families.athans.readings.filter import matched_filter
 
         if solution is None:
