@@ -13,7 +13,8 @@ from occontrol.families.athans.discretise import feasible_set, prediction_weight
 from occontrol.families.athans.filter.gains import filter_gains
 from occontrol.families.athans.filter.planned import planned_gains
 from occontrol.families.athans.found import Found
-from occontrol.families.athans.integration.integrator import Integrator
+from occontrol.families.athans.integration.integrator import Evaluation, Integrator
+from occontrol.families.athans.integration.mesh import MOST_IN_INTERVAL
 from occontrol.families.athans.integration.path import finer_steps, parts_of
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers, TopNumbers
@@ -84,6 +85,8 @@ def assemble(
     remarks = "" if status is Status.DISAGREES else _remark(certificate, top, unfinished) + proof.remark(found.target)
     for lost in lost_modes(problem, counted=True):
         remarks += f" It is {lost.what}: {lost.hint}."
+    if status is not Status.DISAGREES and integrator.options.substeps is None:
+        remarks += _limited(evaluated, integrator.accuracy)
     error_of_steps = evaluated.error if judged is None else judged.discretisation_error
     running = certificate.cost - observation - error if r.running.shape[0] else 0.0
     numbers = AthansResult(
@@ -173,9 +176,7 @@ def _adds_up(cost: float, observation: float, error: float, running: bool) -> bo
     return rest >= -slack and (running or rest <= slack)
 
 
-def _tops(
-    certificate: Certificate, judged: Judgement | None, reason: str
-) -> tuple[TopNumbers, ContinuousNumbers]:
+def _tops(certificate: Certificate, judged: Judgement | None, reason: str) -> tuple[TopNumbers, ContinuousNumbers]:
     """The pair for the top, in continuous time where the check finished, and the continuous numbers."""
     if judged is None:
         on_grid = TopNumbers(certificate.cost, certificate.lower_bound, certificate.relative_gap, "grid")
@@ -183,6 +184,17 @@ def _tops(
     c = judged.certificate
     numbers = (c.cost, c.lower_bound, c.relative_gap)
     return TopNumbers(*numbers, "continuous"), ContinuousNumbers(*numbers)
+
+
+def _limited(evaluated: Evaluation, accuracy: float) -> str:
+    """A remark where the limits on the steps leave the cost less accurate than was asked for."""
+    if not evaluated.error > accuracy * abs(evaluated.cost):
+        return ""
+    reached = evaluated.error / abs(evaluated.cost) if evaluated.cost else np.inf
+    return (
+        f" An interval may have {MOST_IN_INTERVAL} steps of integration, which is too few here: the cost is accurate to"
+        f" {reached:.2g} of itself where {accuracy:.2g} was asked for; use more intervals."
+    )
 
 
 def _remark(certificate: Certificate, top: TopNumbers, unfinished: str) -> str:
