@@ -152,7 +152,7 @@ def _weights(segment: Segment, problem: Any, found: Collector) -> np.ndarray:
             windows = ", ".join(f"[{a:g}, {b:g}]" for a, b in problem.sensors[j].windows)
             what = f"sensor '{name}' is used from {segment.start:g} to {segment.end:g}, outside its windows"
             _add(found, segment, what, f"its windows: {windows}")
-    if len(found.mistakes) > before:
+    if len(found.mistakes) > before or (not segment.sensors and getattr(problem, "slews", False)):
         return weights
     lacking = select - float(np.sum(weights))
     idle = names.index(IDLE) if IDLE in names else None

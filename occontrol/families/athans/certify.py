@@ -36,6 +36,10 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     Raises ProblemError, in the words of the reader of schedule files, when the schedule does not cover the horizon,
     breaks a window, names an unknown sensor or does not use `select` sensors at a time.
     """
+    if problem.ruled:
+        from occontrol.families.athans.rules.certify import certify_ruled
+
+        return certify_ruled(problem, schedule, claims)
     started = stopwatch.seconds()
     monitor = Monitor()
     problem, weights = on_common_grid(problem, as_read(schedule, problem))
@@ -101,7 +105,8 @@ def on_common_grid(problem: SchedulingProblem, schedule: Schedule) -> tuple[Sche
     Raises ProblemError where the schedule is not one for this problem.
     """
     edges = schedule.common_edges(problem.edges)
+    select = None if problem.slews else problem.select  # slewing leaves intervals empty
     extra = edges[~np.isin(edges, problem.edges)]
     if len(extra):
         problem = problem.with_edges([(float(t), "the schedule switches") for t in extra])
-    return problem, schedule.on_grid(problem.edges, problem.sensors.names, problem.select)
+    return problem, schedule.on_grid(problem.edges, problem.sensors.names, select)

@@ -7,10 +7,10 @@ families/athans/baselines.py.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, ClassVar
 
-from occontrol.core.errors import Mistake
+from occontrol.core.errors import Mistake, ProblemError, suggest
 from occontrol.core.method import check_options
 from occontrol.core.solution import Status
 from occontrol.families.athans.baselines import BestSingle, Greedy, Random, RoundRobin
@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from occontrol.scheduling.feasible_set import FeasibleSet
     from occontrol.scheduling.sweep import Sweep
 
-__all__ = ["BestSingle", "Collocation", "Greedy", "HMinimal", "Random", "RelaxRoundPolish", "Relaxed", "RoundRobin"]
+__all__ = [
+    "BestSingle", "Collocation", "Exact", "Greedy", "HMinimal", "Random", "RelaxRoundPolish", "Relaxed", "RoundRobin",
+]  # fmt: skip
 
 POLISH_SWEEPS = 4  # sweeps of the shaken polish for each of the relaxation's, which cost more
 STARTS = {"best-single": BestSingle, "round-robin": RoundRobin, "greedy": Greedy, "random": Random}
@@ -70,6 +72,26 @@ class Relaxed:
 
 
 @dataclass(frozen=True)
+class Exact:
+    """A search for the proven optimum.
+
+    Parameters
+    ----------
+    relative_gap : of schedule and bound, at which it ends
+    max_nodes : of the tree
+    time_limit : seconds, None is no limit
+    """
+
+    name: ClassVar[str] = "exact"
+    relative_gap: float = 1e-6
+    max_nodes: int = 2000
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        check_options(self, positive=_POSITIVE, whole={"max_nodes": 1})
+
+
+@dataclass(frozen=True)
 class RelaxRoundPolish:
     """The default: relax, round, polish on the true cost, certify.
 
@@ -81,6 +103,7 @@ class RelaxRoundPolish:
     time_limit : seconds, None is no limit
     branch_first, strengthen : tighter bounds for readings, by fixing first choices and by noise extraction; None is
         where they pay
+    exact : whether to search on for the proven optimum: true, or {relative_gap, max_nodes, time_limit}
     """
 
     name: ClassVar[str] = "schedule"
@@ -90,9 +113,29 @@ class RelaxRoundPolish:
     time_limit: float | None = None
     branch_first: bool | None = None
     strengthen: bool | None = None
+    exact: bool | dict[str, float] | None = None
 
     def __post_init__(self) -> None:
         check_options(self, positive=_POSITIVE, whole={"max_iterations": 1, "polish": 0})
+        _ = self.exact_options
+
+    @property
+    def exact_options(self) -> Exact | None:
+        """`exact` as options; ProblemError for those that there are not."""
+        if self.exact is None or isinstance(self.exact, bool):
+            return Exact() if self.exact else None
+        known = [f.name for f in fields(Exact)]
+        wrong = [key for key in self.exact if key not in known]
+        if wrong:
+            raise ProblemError(Mistake(("exact", wrong[0]), f"unknown option '{wrong[0]}'", suggest(wrong[0], known)))
+        values: dict = dict(self.exact)
+        nodes = values.get("max_nodes")
+        if isinstance(nodes, float) and nodes.is_integer():
+            values["max_nodes"] = int(nodes)
+        try:
+            return Exact(**values)
+        except ProblemError as error:
+            raise ProblemError([m.under("exact") for m in error.mistakes]) from None
 
     def check(self, problem: AthansProblem) -> Sequence[Mistake]:
         """Options of readings for a problem of continuous sensing."""

@@ -11,15 +11,15 @@ import numpy as np
 
 from occontrol.core.checks import check_covariance_signal, check_finite, check_shape, looked_at
 from occontrol.core.clock import elapsed, lengths
-from occontrol.core.errors import Collector, InfeasibleError, Mistake
+from occontrol.core.errors import Collector, Mistake
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, SensorSuite
 from occontrol.core.signal import Signal, TableSignal, as_signal
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.integration.edges import fitted_edges, missed_windows
 from occontrol.families.athans.integration.options import Integration
-
-MOST_GAPS = 10  # of a window plan that are named
+from occontrol.families.athans.rules.statement import Constraints
+from occontrol.families.athans.rules.statement import mistakes as rule_mistakes
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +43,8 @@ class SchedulingProblem(AthansProblem):
     method : an options object of the family's METHODS, or None for the default
     expect : {source, cost, tolerance}, the known answer, if any
     integration : accuracy or steps of the integration, and which times become edges
+    rules : Constraints that a schedule has to keep, or None
+    minimise : "cost", "error" (without the observation cost) or "observation" (that alone, not weighted)
 
     Ends of windows and jumps of held tables become edges beside those given, see `added_edges` and Integration.
     Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
@@ -62,6 +64,8 @@ class SchedulingProblem(AthansProblem):
     method: Any = None
     expect: Mapping[str, Any] | None = None
     integration: Integration = field(default_factory=Integration)
+    rules: Constraints | None = None
+    minimise: str = "cost"
     family: str = field(default="athans", init=False)
     added_edges: tuple[tuple[float, str], ...] = field(default=(), init=False, repr=False)
     warnings: tuple[str, ...] = field(default=(), init=False, repr=False)
@@ -87,6 +91,7 @@ class SchedulingProblem(AthansProblem):
         if not isinstance(self.sensors, SensorSuite):  # repeated names do not hide what else is wrong
             object.__setattr__(self, "sensors", tuple(self.sensors))
         found.mistakes += self.integration.mistakes()
+        found.mistakes += rule_mistakes(self.rules, self.minimise, self.sensors, self.select)
         found.mistakes += self._shapes()
         if not found.mistakes:
             found.mistakes += self._fit_edges()
@@ -228,6 +233,16 @@ class SchedulingProblem(AthansProblem):
         return elapsed(self.edges)
 
     @property
+    def ruled(self) -> bool:
+        """Whether rules or budgets concern a whole schedule."""
+        return self.rules is not None or self.minimise != "cost"
+
+    @property
+    def slews(self) -> bool:
+        """Whether there may be times at which no sensor is used because it is on the way to another."""
+        return self.rules is not None and self.rules.slews
+
+    @property
     def midpoints(self) -> np.ndarray:
         """(N,) midpoints of the intervals."""
         return (self.edges[1:] + self.edges[:-1]) / 2
@@ -258,29 +273,14 @@ class SchedulingProblem(AthansProblem):
         Raises ProblemError when a solve needs more memory than there is.
         """
         from occontrol.families.athans.need import require_memory
+        from occontrol.families.athans.places import require_places
 
         require_memory(self)
-        places = np.rint(np.sum(self.upper, axis=1)).astype(int)
-        lacking = places < self.select
-        if not np.any(lacking):
-            return
-        # neighbours with the same lack are one gap, and all gaps are named at once
-        label = np.where(lacking, places, -1)
-        starts = np.flatnonzero(np.diff(label, prepend=-2) != 0)
-        ends = np.append(starts[1:], len(label))
-        gaps = [(a, b) for a, b in zip(starts, ends, strict=True) if lacking[a]]
-        shown = [f"{self.edges[a]:.6g} and {self.edges[b]:.6g}" for a, b in gaps[:MOST_GAPS]]
-        more = f", and in {len(gaps) - MOST_GAPS} more places" if len(gaps) > MOST_GAPS else ""
-        count = int(np.min(places[lacking]))
-        have = (
-            "no sensor is"
-            if count == 0
-            else f"only {count} of the {self.select} sensors to select {'is' if count == 1 else 'are'}"
-        )
-        raise InfeasibleError(
-            f"between t = {', '.join(shown)}{more} {have} available\n"
-            "  hint: widen a window, put an edge of the grid at the window's end, or add 'idle' to the sensors"
-        )
+        require_places(self.upper, self.select, self.edges)
+        if self.ruled:
+            from occontrol.families.athans.rules.diagnosis import require_rules_feasible
+
+            require_rules_feasible(self)
 
 
 def uniform_edges(start: float, end: float, intervals: int) -> np.ndarray:

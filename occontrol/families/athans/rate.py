@@ -54,6 +54,10 @@ class RateFamily(Family):
         from occontrol.families.athans.discretise import feasible_set
         from occontrol.families.athans.integration.refine import search_space
 
+        if problem.ruled or getattr(method, "exact_options", None) is not None:
+            from occontrol.families.athans.rules.solve import solve_ruled
+
+            return solve_ruled(problem, method, monitor)
         problem.require_feasible()
         began = stopwatch.seconds()
         inner, units = balanced(problem)
@@ -158,7 +162,7 @@ class RateFamily(Family):
 
         if solution.schedule is None:
             return {}
-        return filter_tables(problem, solution.schedule, default_model(solution.result))
+        return filter_tables(problem, schedule_of(solution), default_model(solution.result))
 
     def tradeoff(self, problem: SchedulingProblem, cost_weights: Sequence[float], monitor: Monitor) -> Front:
         """Observation cost against prediction error over the cost weight alpha."""
@@ -174,10 +178,12 @@ class RateFamily(Family):
 
 
 def schedule_of(solution: Solution | None) -> Schedule:
-    """The schedule of a solution; SolveFailed where there is none."""
+    """The schedule of a solution as far as it measures; SolveFailed where there is none."""
     if solution is None or solution.schedule is None:
         raise SolveFailed("the solution has no schedule to follow")
-    return solution.schedule
+    schedule, measuring = solution.schedule, solution.arrays.get("measuring")
+    # with rules a sensor that is on may still be warming up
+    return schedule if measuring is None else Schedule(schedule.edges, measuring, schedule.names)
 
 
 RATE = RateFamily()

@@ -72,6 +72,11 @@ class AthansResult(ResultData):
     switches : inner edges at which the set of sensors changes
     sweeps : what the relaxation needed, by name
     extra : what one method alone has to say (polish_rounds, end, collocation_cost)
+    switching_cost : of the changes, part of the cost
+    proven_optimal : whether cost and bound have met
+    nodes : of the tree that was searched
+    constraints : {satisfied, active}, active the rules that bind the schedule
+    multipliers : {rule: price of one more unit of a budget}, in cost units
     schedule : [{start, end, sensors}], see Schedule.segments
     """
 
@@ -101,6 +106,11 @@ class AthansResult(ResultData):
     sweeps: Mapping[str, int]
     extra: Mapping[str, Any]
     schedule: list[dict[str, Any]]
+    switching_cost: float | None = field(default=None, metadata={"optional": True})
+    proven_optimal: bool | None = field(default=None, metadata={"optional": True})
+    nodes: int | None = field(default=None, metadata={"optional": True})
+    constraints: Mapping[str, Any] | None = field(default=None, metadata={"optional": True})
+    multipliers: Mapping[str, float] | None = field(default=None, metadata={"optional": True})
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:

@@ -20,6 +20,7 @@ from occontrol.families.athans.readings import schema as readings
 from occontrol.families.athans.readings.documents import DOCUMENTS as READINGS
 from occontrol.families.athans.readings.documents import SamplesDocument, StepsDocument, document_for
 from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.families.athans.rules.schema import ConstraintKeys, SensorKeys, constraints
 from occontrol.families.athans.schema_parts import (
     Plant,
     Select,
@@ -59,7 +60,7 @@ class Horizon(Strict):
     refine: bool = Field(True, description="refine: whether intervals that one choice spoils may be cut")
 
 
-class SensorEntry(Strict):
+class SensorEntry(SensorKeys):
     name: str = Field(description="name: a word")
     C: Matrix = Field(description="C: a list of rows, one entry per state")
     noise: Matrix = Field(None, description="noise: the intensity Theta of the sensor noise: variance times spacing")
@@ -78,6 +79,7 @@ class Objective(Strict):
     cost_weight: float = 1.0
     output: Matrix = Field(description="output: the rows D of what is to be predicted")
     running: Matrix = None
+    minimise: Literal["cost", "error", "observation"] = "cost"
 
 
 class Document(Strict):
@@ -92,6 +94,7 @@ class Document(Strict):
     )
     sensing: Literal["rate"] = "rate"
     select: Select = 1
+    constraints: ConstraintKeys | None = None
     objective: Objective = Field(description="objective: {cost_weight: .., output: ..}")
     method: Method = None
     expect: Expect = None
@@ -148,6 +151,8 @@ def build(
         least=least,
         method=method,
         expect=expect,
+        rules=constraints(document.constraints, document.sensors),
+        minimise=objective.minimise,
         integration=Integration(**{f.name: getattr(document.horizon, f.name) for f in fields(Integration)}),
     )
     if edges is None:
@@ -232,13 +237,15 @@ def document(problem: SchedulingProblem | ReadingsProblem) -> dict[str, Any]:
         "name": problem.name,
         "horizon": horizon,
         "plant": plant_document(plant),
-        "sensors": [_sensor_document(sensor) for sensor in problem.sensors],
+        "sensors": [_sensor_document(sensor, problem) for sensor in problem.sensors],
         "select": [int(problem.least), int(problem.select)] if problem.least else int(problem.select),
+        "constraints": None if problem.rules is None else problem.rules.document(),
         "objective": prune(
             {
                 "cost_weight": float(problem.cost_weight),
                 "output": problem.output.document(),
                 "running": or_none(problem.running),
+                "minimise": None if problem.minimise == "cost" else problem.minimise,
             }
         ),
         "method": options_document(problem.method),
@@ -247,9 +254,11 @@ def document(problem: SchedulingProblem | ReadingsProblem) -> dict[str, Any]:
     return prune(result)
 
 
-def _sensor_document(sensor: Sensor) -> Any:
+def _sensor_document(sensor: Sensor, problem: SchedulingProblem) -> Any:
     if sensor.name == IDLE and sensor.is_idle:
         return IDLE
     windows = None if sensor.windows is None else [list(window) for window in sensor.windows]
     values = {"name": sensor.name, "C": sensor.C.document(), "noise": sensor.noise.document()}
-    return prune({**values, "cost": sensor.cost.document(), "windows": windows})
+    own = None if problem.rules is None else problem.rules.sensors.get(sensor.name)
+    rules = {} if own is None else own.document()
+    return prune({**values, "cost": sensor.cost.document(), "windows": windows, **rules})

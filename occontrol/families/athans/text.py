@@ -15,7 +15,9 @@ def describe(problem: SchedulingProblem) -> list[tuple[str, str]]:
     ----------
     problem : SchedulingProblem
     """
-    return inspect(problem)
+    from occontrol.families.athans.rules.text import describe_rules
+
+    return [*inspect(problem), *describe_rules(problem)]
 
 
 def summarise(solution: Solution) -> list[tuple[str, str]]:
@@ -38,8 +40,15 @@ def summarise(solution: Solution) -> list[tuple[str, str]]:
         lines.append(("on the grid", text))
     elif r.continuous is not None and r.continuous.reason:
         lines.append(("continuous", f"not computed: {r.continuous.reason.splitlines()[0]}"))
+    if r.nodes is not None:
+        proven = "proven optimal" if r.proven_optimal else "not proven optimal"
+        kept = "" if r.constraints is None else f"; rules kept, used up: {', '.join(r.constraints['active']) or 'none'}"
+        lines.append(("search", f"{r.nodes} node{'s' * (r.nodes != 1)}, {proven}{kept}"))
+        lines += [(f"one more {rule}", f"saves about {price:.4g}") for rule, price in (r.multipliers or {}).items()]
+    changed = f", changes {r.switching_cost:.6g}" if r.switching_cost else ""
     observed = f"observation {r.observation_cost:.6g} x {r.cost_weight:g}"
-    lines.append(("parts", f"{observed}, running {r.running_cost:.6g}, prediction {r.prediction_error:.6g}"))
+    parts = f"{observed}, running {r.running_cost:.6g}, prediction {r.prediction_error:.6g}{changed}"
+    lines.append(("parts", parts))
     singular = f"singular on {100 * r.singular_fraction:.3g} % of the horizon"
     lines.append(("switches", f"{r.switches}   {singular}"))
     return lines

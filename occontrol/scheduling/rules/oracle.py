@@ -111,6 +111,16 @@ class Oracle:
         along(self._before, a.tail, last, path)
         return value, self.plan(path)
 
+    def nearest(self, price: np.ndarray) -> Plan | None:
+        """The plan whose actions cost least by price (N, A), whatever its changes cost; None where there is none."""
+        a, N = self.automaton, self.grid.intervals
+        value, last = self._run(np.where(self.open, price, np.inf), np.zeros((N, len(a.events))))
+        if not np.isfinite(value):
+            return None
+        path = np.empty(N, dtype=np.int64)
+        along(self._before, a.tail, last, path)
+        return self.plan(path)
+
     def plan(self, path: np.ndarray) -> Plan:
         """The plan of a path of transitions (N,)."""
         a = self.automaton

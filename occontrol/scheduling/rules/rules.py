@@ -54,6 +54,7 @@ class Rules:
     enforce : whether the last uses must be long enough too; otherwise the end of the horizon may cut them
     max_observation : cap on the observation cost, int sum_j q_j v_j dt
     max_error : cap on what is left of the cost without observation and changes
+    least : how many sensors at least, where idle may fill the other places
     """
 
     names: tuple[str, ...]
@@ -76,6 +77,7 @@ class Rules:
     enforce: bool = False
     max_observation: float = np.inf
     max_error: float = np.inf
+    least: int = 0
 
     @classmethod
     def none(cls, names: tuple[str, ...], idle: np.ndarray, select: int = 1) -> Rules:
@@ -106,7 +108,7 @@ class Rules:
         if self.select == 1:
             return [(j,) for j in range(self.sensors)]
         real = [j for j in range(self.sensors) if not self.idle[j]]
-        least = 0 if np.any(self.idle) else self.select
+        least = self.least if np.any(self.idle) else self.select
         sizes = range(least, min(self.select, len(real)) + 1)
         if sum(comb(len(real), size) for size in sizes) > MOST_SETS:
             raise ValueError(f"more than {MOST_SETS} sets of sensors")

@@ -36,11 +36,13 @@ class TreeOptions:
     gap : relative to the best schedule's cost
     most : nodes
     moves : evaluations of block moves on every new best schedule
+    first : nodes, as long as there is no schedule yet
     """
 
     gap: float = 1e-6
     most: int = 2000
     moves: int = 400
+    first: int = 0
 
 
 @dataclass
@@ -134,7 +136,9 @@ class Search:
         root = self._solve(_Node(-np.inf, 0, everything, (start, Multipliers(np.empty(0)), [])))
         heap: list[_Node] = []
         closed, count = self._file(heap, root, everything, root.lower_bound, 1), 1
-        while heap and self.nodes < self.options.most and not monitor.stop:
+        while heap and not monitor.stop:
+            if self.nodes >= (self.options.most if self.best else max(self.options.most, self.options.first)):
+                break
             node = heapq.heappop(heap)
             if node.bound >= self.cutoff:
                 closed = min(closed, node.bound)
