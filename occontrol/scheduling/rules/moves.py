@@ -57,7 +57,9 @@ class Mover:
         self._warmers = [int(j) for j in np.flatnonzero(task.rules.warm_up > 0)]
         upper = task.oracle.open
         group = task.oracle.group
-        self._open = np.stack([np.any(upper[:, group == g], axis=1) for g in range(len(sets))], axis=1)
+        self._open = np.zeros((len(upper), len(sets)), dtype=bool)
+        for g in range(len(sets)):
+            self._open[:, g] = np.any(upper[:, group == g], axis=1)
         shortest = int(np.min(self._counts.need, where=self._counts.need > 1, initial=len(task.edges)))
         self._dwell = shortest if shortest < len(task.edges) else max(1, len(task.edges) // 100)
         self.evaluations = 0

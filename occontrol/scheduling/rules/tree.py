@@ -225,7 +225,7 @@ def _dearest(task: Task) -> float:
     N, goal = len(task.spend), task.goal
     change = max(float(np.max(task.rules.switch_cost, initial=0.0)), task.rules.start_cost * task.rules.select)
     _, error = task.parts(np.zeros(task.oracle.shape))
-    dear = np.max(task.price @ task.oracle.automaton.columns.T, axis=1)
+    dear = np.max(task.price @ task.oracle.automaton.columns.T, axis=1, initial=0.0)
     most = goal.observation * float(np.sum(np.maximum(dear, 0.0))) + goal.error * error + N * change
     return most + 1e-6 * abs(most)
 

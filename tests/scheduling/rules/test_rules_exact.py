@@ -60,3 +60,12 @@ def test_the_checker_and_the_oracle_agree_with_the_words_of_the_rules(seed: int)
             assert plan is None, word
     if not kept and task.complete:
         assert task.oracle.first_impossible() is not None
+
+
+def test_rules_under_which_no_first_interval_is_possible_have_no_schedule() -> None:
+    p, alpha, goal = small(1, 4)
+    p.rules["max_uses"] = [0.0] * len(p.L)
+    p.upper[:, np.array(p.idle)] = 0.0
+    task = task_of(p, alpha, goal)
+    tree = Search(task, TreeOptions(), Monitor(), []).run(np.zeros(task.oracle.shape))
+    assert tree.best is None and tree.lower_bound == np.inf and task.oracle.first_impossible() == 0

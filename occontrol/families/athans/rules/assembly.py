@@ -137,6 +137,7 @@ def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor
         integration_error=error_of_steps,
         added_edges=[{"t": t, "why": why} for t, why in problem.added_edges],
         warnings=list(problem.warnings),
+        readings=None,
         switches=count,
         sweeps=dict(relaxed.sweeps) if relaxed is not None else {},
         extra=dict(found.extra),
