@@ -52,7 +52,7 @@ def test_the_other_commands_work_on_the_run_folder_of_anybodys_schedule(family: 
     figures = [] if family == "athans" else ["--no-figures"]
     assert run(["certify", "p.yaml", "by_hand.csv", "--out", "mine", *figures, "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
-    assert said == json.loads(Path("mine/result.json").read_text()) and said["status"] in ("feasible", "certified")
+    assert said == json.loads(Path("mine/result.json").read_text()) and said["status"] == "feasible"
     assert bool(figures) or (Path("mine/figures/overview.png").exists() and Path("mine/report.html").exists())
     problem, solution = read_run("mine")
     assert problem.family == family and solution.schedule is not None

@@ -28,6 +28,14 @@ SMALLER = {
     "precision": [],
     "robust": [("slots: 8", "slots: 3"), ("samples: 20", "samples: 4"), ('"-1-0.2*sin(3*t)"', "-1")],
 }
+# methods that reach the target gap on the template; of vlambda's movable sensor and of hybrid runs nothing is proven
+PROVES: dict[str, set[str]] = {
+    "athans": {"schedule", "relaxed"},
+    "vlambda": set(),
+    "hybrid": set(),
+    "precision": {"barrier", "clarabel"},
+    "robust": {"optimal", "all", "relaxed"},
+}
 # methods that do nothing without an option
 NEEDS = {("robust", "fixed"): {"sequence": "position"}}
 CALLS = {
@@ -115,7 +123,7 @@ def test_every_method_solves_the_template(family: str, method: str, problems: di
     assert solution.family == family and solution.method == method
     # a family may solve on more edges than were asked for, and says so
     assert solution.problem is problems[family] or solution.problem.added_edges
-    assert solution.status in (Status.CERTIFIED, Status.FEASIBLE, Status.LIMIT)
+    assert solution.status is (Status.CERTIFIED if method in PROVES[family] else Status.FEASIBLE)
     kind = find_family(family).result_type
     assert isinstance(solution.numbers, kind)
     assert kind.from_dict(solution.result).as_dict() == solution.numbers.as_dict() == dict(solution.result)
@@ -235,7 +243,8 @@ def test_solve_certify_plot(family: str, problems: dict[str, Any], solved) -> No
     problem, solution = problems[family], solved(family)
     if find_family(family).can(Ability.CERTIFY):
         judged = oc.certify(problem, solution.schedule, find_family(family).claims_of(problem, solution))
-        assert judged.status in (Status.FEASIBLE, Status.CERTIFIED)
+        # athans alone has a bound of its own within the target; vlambda's template is movable, robust's is not relaxed
+        assert judged.status is (Status.CERTIFIED if family == "athans" else Status.FEASIBLE)
         assert abs(judged.cost - solution.cost) <= 1e-9 * abs(solution.cost)
         if family != "vlambda":  # its template has a movable sensor, of which nothing is proven
             assert judged.certificate is not None and judged.certificate.lower_bound <= solution.cost * (1 + 1e-9)

@@ -55,14 +55,15 @@ def test_without_an_error_a_millionth_is_forgiven(share, agrees):
     assert judge(problem, schedule.weights, true * (1 + share), error=0.0).agrees is agrees
 
 
-@pytest.mark.parametrize("which", [0, 1])
-def test_the_error_estimate_is_right_from_both_sides(which):
+@pytest.mark.parametrize("peak", [None, 10.0, 100.0])
+def test_the_error_estimate_is_right_from_both_sides(peak):
     problem, schedule = given(seed=5)
-    if which:
-        # one that jumps inside of an interval: of first order, seen because the jump becomes an edge
-        t = 0.3 * problem.edges[2] + 0.7 * problem.edges[3]
-        table = TableSignal(np.array([problem.edges[0], t]), np.array([0.1 * np.eye(3), 3.0 * np.eye(3)]), "previous")
-        problem = dataclasses.replace(problem, plant=dataclasses.replace(problem.plant, noise=table))
+    if peak:
+        # a running weight that jumps up and down between the midpoints of two halvings, seen as its times become edges
+        start, end = problem.edges[2:4]
+        times = np.array([0.0, start + 0.9 * (end - start), start + 0.98 * (end - start)])
+        table = TableSignal(times, np.array([0.1, peak, 0.1])[:, None, None] * np.eye(3), "previous")
+        problem = dataclasses.replace(problem, running=table)
     cost = Sweep(discretise(problem)).cost(schedule.weights)
     true = abs(cost - judge(problem, schedule.weights, cost, error=1.0).continuous.cost)
     assert true > 1e-4 * cost
@@ -158,6 +159,8 @@ def test_sensors_in_another_order_are_the_same_schedule():
     wrong = Schedule(schedule.edges, schedule.weights[:, [2, 0, 1]], schedule.names)
     costs = [oc.certify(problem, each).cost for each in (schedule, turned, wrong)]
     assert costs[1] == costs[0] and abs(costs[2] - costs[0]) > 1e-3 * costs[0]
+    _, weights = certify.on_common_grid(problem, turned)
+    np.testing.assert_array_equal(weights, schedule.weights)
 
 
 def test_what_measuring_costs_is_told_even_where_it_does_not_count():
@@ -208,6 +211,14 @@ def test_certify_refuses_two_sensors_at_a_time():
     problem, schedule = given()
     with pytest.raises(ProblemError, match="select is 1"):
         oc.certify(problem, Schedule(schedule.edges, np.ones((6, 3)), schedule.names))
+
+
+def test_what_the_reader_of_schedules_overlooks_is_refused_by_the_set_itself(monkeypatch):
+    problem, _ = given(windows=True)
+    monkeypatch.setattr(certify, "as_read", lambda schedule, problem: schedule)
+    outside = Schedule(problem.edges, np.eye(3)[[0, 1, 2, 2, 0, 1]], tuple(problem.sensors.names))
+    with pytest.raises(ProblemError, match="sensor 's0' has weight 1, but is not available"):
+        oc.certify(problem, outside)
 
 
 def test_the_relaxations_bound_is_handed_on_to_the_proof(monkeypatch):

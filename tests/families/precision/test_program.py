@@ -100,20 +100,24 @@ def test_three_routes_agree_on_singular_moments_with_spread_units(seed):
 @pytest.mark.slow
 def test_the_right_verdict_close_to_the_smallest_reachable_bound():
     rng = np.random.default_rng(3)
-    tried = 0
-    while tried < 60:
+    tried, certified = 0, dict.fromkeys((1e-3, 1e-5, 1e-7), 0)
+    while tried < 25:
         moments, _, bound, prices, caps = random_case(rng)
         program = Program(moments, bound, prices, caps)
         _, verdict, _ = examine(program)
         if verdict.idle or verdict.factor < 1e-2 * (1 - relative_margin(moments.state, bound)):
             continue
         tried += 1
-        for distance in (1e-3, 1e-5, 1e-7):
+        for distance in certified:
             above = solve_program(replace(program, bound=bound * verdict.factor * (1 + distance)))
             below = solve_program(replace(program, bound=bound * verdict.factor * (1 - distance)))
-            assert above.status in (Status.CERTIFIED, Status.LIMIT), (distance, above.message)
+            proven = above.relative_gap <= 1e-6
+            assert above.status is (Status.CERTIFIED if proven else Status.LIMIT), (distance, above.message)
+            certified[distance] += proven
             assert above.relative_margin >= -1e-8
             assert below.status is Status.INFEASIBLE
+    # 24, 19 and 14 of 25: what is left is met but not proven, the more so the closer
+    assert certified[1e-3] >= 23 and certified[1e-5] >= 15 and certified[1e-7] >= 10
 
 
 @pytest.mark.slow

@@ -42,3 +42,17 @@ def test_a_false_cost_or_bound_disagrees_and_rounding_does_not(run, wrong, words
     assert found.message.startswith(words)
     assert found.cost == pytest.approx(fixed.cost, rel=1e-12)
     assert found.result["lower_bound"] == pytest.approx(optimal.cost, rel=1e-9)
+
+
+@pytest.mark.parametrize(("share", "status"), [(1e-9, Status.CERTIFIED), (1e-7, Status.DISAGREES)])
+def test_a_bound_above_the_cost_is_rounding_only_within_a_hundred_millionth(run, share, status, monkeypatch):
+    problem, _, optimal = run
+    honest = Optimal.run
+
+    def higher(self, problem, monitor):
+        found = honest(self, problem, monitor)
+        above = dataclasses.replace(found.proof, lower_bound=optimal.cost * (1 + share))
+        return dataclasses.replace(found, proof=above)
+
+    monkeypatch.setattr(Optimal, "run", higher)
+    assert FAMILY.certify(problem, optimal.schedule).status is status

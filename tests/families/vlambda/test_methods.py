@@ -174,7 +174,7 @@ def test_result_keys_keep_their_order_and_come_back_from_a_file(problem, method)
     assert numbers_of(dataclasses.replace(solution, numbers=again)) == numbers
     certified = FAMILY.certify(problem, solution.schedule, FAMILY.claims_of(problem, solution))
     assert certified.cost == pytest.approx(solution.cost, rel=1e-12)
-    assert certified.status is not Status.DISAGREES
+    assert certified.status is (Status.FEASIBLE if problem.movable else Status.CERTIFIED)  # every rule finds the best
     assert list(certified.result) == [*KEYS, *([] if problem.movable else ["lower_bound", "nodes", "relative_gap"])]
 
 
