@@ -66,7 +66,7 @@ def main() -> None:
     rng = np.random.default_rng(int(sys.argv[2]) if len(sys.argv) > 2 else 0)
     found: list[dict] = []
     while len(found) < count:
-        document = random_document(rng)
+        document = random_document(rng, budget=rng.random() < 0.3)
         result = judged(document)
         if result is not None:
             found.append(result)

@@ -72,7 +72,9 @@ def random_document(rng: np.random.Generator, most_readings: int = 6, budget: bo
             objective["running_at"] = str(rng.choice(["integral", "posterior", "prior"]))
     document |= {"plant": plant, "sensors": sensors, "select": select, "objective": objective}
     if budget:
-        document["budget"] = {"total": int(rng.integers(0, N + 1))}
+        document["horizon"].pop("epoch", None)
+        b = int(rng.integers(0, N + 1))
+        document["budget"] = {"total": b} if rng.random() < 0.5 else {f"s{int(rng.integers(0, M))}": min(b, 2)}
     return document
 
 
@@ -180,9 +182,13 @@ class PlainReadings:
             ways.append([c for size in range(least, most + 1) for c in combinations(open_, size)])
         for choice in product(*ways):
             whole = [choice[k // epoch] for k in range(len(self.times))]
-            total = self.d.get("budget", {}).get("total")
-            if total is None or sum(map(len, whole)) == total:
+            if all(self._used(whole, key) == b for key, b in self.d.get("budget", {}).items()):
                 yield whole
+
+    def _used(self, whole: list[tuple[int, ...]], key: str) -> int:
+        """How many readings a schedule takes of a sensor, or of all."""
+        names = [self.sensors[j]["name"] for chosen in whole for j in chosen]
+        return len(names) if key == "total" else names.count(key)
 
     def count(self) -> int:
         """How many schedules there are."""

@@ -43,6 +43,11 @@ class BudgetSet(IntervalPolytopes):
         """(M-1,) the positions of the sensors."""
         return np.array([j for j in range(len(self.names)) if j != self.idle])
 
+    @property
+    def one_group(self) -> bool:
+        """Whether instants have room for all sensors and one number binds all readings: then that number is all."""
+        return self.select >= len(self.real) and (TOTAL in self.budget or len(self.real) == 1)
+
     def vertex(self, gradient: np.ndarray) -> np.ndarray:
         """The cheapest schedule (N, M) for g (N, M) that keeps the budget; ValueError where none does.
 

@@ -1,17 +1,19 @@
 """The relaxation over a set that is known by its cheapest schedules only: simplicial decomposition.
 
-    minimise J(sum_p lam_p w_p) over shares lam of known schedules, then add the schedule that is cheapest for the
-    gradient there; J(v) - v.g + min w.g bounds J over the whole set at every step (von Hohenbalken 1977).
+minimise J(sum_p lam_p w_p) over shares lam of known schedules, then add the schedule that is cheapest for the
+gradient there; J(v) - v.g + min w.g bounds J over the whole set at every step (von Hohenbalken 1977).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Certificate, Status
+from occontrol.scheduling.budget import BudgetSet
 from occontrol.scheduling.feasible_set import FeasibleSet, IntervalPolytopes
 from occontrol.scheduling.objective import Objective
 from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, minimise_relaxed
@@ -50,6 +52,71 @@ class _Shares:
         self.backward_count += 1
         J, g = self.objective.cost_and_gradient(self.policy(weights))
         return J, np.tensordot(self.columns, g, 2)[None]
+
+
+@dataclass
+class _Flat:
+    """J on the readings of all instants as one row (1, N (M-1)), idle filling up."""
+
+    objective: Objective
+    allowed: BudgetSet
+    forward_count: int = 0
+    backward_count: int = 0
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return 1, self.allowed.shape[0] * len(self.allowed.real)
+
+    @property
+    def states(self) -> int:
+        return self.objective.states
+
+    def policy(self, row: np.ndarray) -> np.ndarray:
+        """(N, M) from the row."""
+        result = np.zeros(self.allowed.shape)
+        result[:, self.allowed.real] = row.reshape(len(result), -1)
+        result[:, self.allowed.idle] = self.allowed.select - np.sum(result, axis=1)
+        return result
+
+    def flat(self, values: np.ndarray) -> np.ndarray:
+        """The row of (N, M)."""
+        return np.ascontiguousarray(values[:, self.allowed.real].reshape(1, -1))
+
+    def cost(self, weights: np.ndarray) -> float:
+        self.forward_count += 1
+        return self.objective.cost(self.policy(weights))
+
+    def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
+        self.forward_count += 1
+        self.backward_count += 1
+        J, g = self.objective.cost_and_gradient(self.policy(weights))
+        return J, self.flat(g - g[:, [self.allowed.idle]])
+
+
+def minimise_with_budget(
+    objective: Objective, allowed: BudgetSet, options: RelaxedOptions, monitor: Monitor
+) -> tuple[RelaxedOutcome, np.ndarray]:
+    """The relaxed optimum under a budget, and schedules (P, N, M) near it to begin a search from.
+
+    Parameters
+    ----------
+    objective : convex J on policies (N, M)
+    allowed : BudgetSet
+    options : of the relaxation
+    monitor : Monitor
+
+    Where one number is all that binds, the readings of all instants are one group, and the quasi-Newton method of
+    `minimise_relaxed` does it; otherwise the schedules of `minimise_by_vertices` do.
+    """
+    if not allowed.one_group or int(next(iter(allowed.budget.values()))) < 1:
+        return minimise_by_vertices(objective, allowed, allowed.uniform(), options, monitor)
+    flat = _Flat(objective, allowed)
+    room = flat.flat(allowed.upper)
+    group = IntervalPolytopes(room, int(next(iter(allowed.budget.values()))))
+    found = minimise_relaxed(flat, group, None, options, monitor)
+    found.weights = flat.policy(found.weights)
+    found.gradient = objective.cost_and_gradient(found.weights)[1]
+    return found, allowed.round(found.weights)[None]
 
 
 def minimise_by_vertices(
@@ -116,7 +183,7 @@ def allowed_shares(shares: np.ndarray) -> np.ndarray:
 
 
 def by_moves(
-    sweep: Objective, feasible_set: FeasibleSet, start: np.ndarray, tried: int, monitor: Monitor
+    sweep: Objective, feasible_set: BudgetSet, start: np.ndarray, tried: int, monitor: Monitor
 ) -> tuple[np.ndarray, float]:
     """Local search: one reading moves to another instant or sensor, the best first by the gradient, on the true cost.
 
@@ -145,9 +212,9 @@ def by_moves(
     return v, J
 
 
-def _moves(feasible_set: FeasibleSet, v: np.ndarray, g: np.ndarray, tried: int):
+def _moves(feasible_set: BudgetSet, v: np.ndarray, g: np.ndarray, tried: int) -> Iterator[np.ndarray]:
     """Schedules that differ by one reading (k, j) -> (k', j'), idle filling up, the most promising first."""
-    idle = feasible_set.idle  # type: ignore[attr-defined]
+    idle = feasible_set.idle
     leaves, enters = feasible_set.exchange_masks(v)
     leaves[:, idle] = enters[:, idle] = False
     used, free = np.argwhere(leaves), np.argwhere(enters & (v < 0.5))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def selection(
-    value: Any, budget: Mapping[str, int] | None, sensors: Sequence[Sensor], readings: int
+    value: Any, budget: Mapping[str, int] | None, sensors: Sequence[Sensor], readings: int, epoch: int = 1
 ) -> tuple[tuple[int, int], list[Mistake]]:
     """How many sensors give a reading at a time, (least, most), and what is wrong with the statement.
 
@@ -28,6 +28,7 @@ def selection(
     budget : exact numbers of readings, or None; then `value` is an upper limit
     sensors : the problem's
     readings : N
+    epoch : readings of one choice
     """
     found = Collector()
     real = sum(not s.is_idle for s in sensors)
@@ -39,6 +40,9 @@ def selection(
         what = f"select is {shown}, there are {plural(real, 'sensor')}{' besides idle' if idle else ''}"
         found.add(("select",), what, f"a number from 1 to {real}, or a range such as 0..{real}")
         return (0, 1), found.mistakes
+    if budget is not None and epoch > 1:
+        what = "a budget counts single readings, and an epoch makes several of one choice"
+        found.add(("budget",), what, "leave epoch or budget out", True)
     least = 0 if budget is not None or (idle and ends[0] == ends[1]) else int(ends[0])
     if budget is not None:
         found.mistakes += _budget(budget, [s.name for s in sensors if not s.is_idle], readings, int(ends[1]))

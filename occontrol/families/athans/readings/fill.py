@@ -17,6 +17,7 @@ from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.readings.span_charges import charged_spans
 from occontrol.numerics.balance import StateUnits, balancing
 from occontrol.numerics.transition import transitions
+from occontrol.scheduling.budget import BudgetSet
 from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.recursion import Recursion
 
@@ -124,13 +125,16 @@ def terminal_weight(problem: ReadingsProblem) -> tuple[np.ndarray, float]:
 
 
 def feasible_set(problem: ReadingsProblem) -> IntervalPolytopes:
-    """What schedules of readings are allowed, decision by decision.
+    """What schedules of readings are allowed: decision by decision, or coupled by a budget.
 
     Parameters
     ----------
     problem : ReadingsProblem
     """
-    return IntervalPolytopes(problem.upper, problem.places, None, tuple(problem.sensors.names))
+    names = tuple(problem.sensors.names)
+    if problem.budget is None:
+        return IntervalPolytopes(problem.upper, problem.places, None, names)
+    return BudgetSet(problem.upper, problem.places, None, names, budget=problem.budget)
 
 
 def _symmetric(signal: Signal | None, times: np.ndarray, n: int) -> np.ndarray:

@@ -86,7 +86,7 @@ class ReadingsProblem(AthansProblem):
                 set_(self, "sensors", SensorSuite(tuple(self.sensors)))
         found.raise_if_any()
         set_(self, "listed", tuple(self.sensors.names))
-        allowed, wrong = selection(self.select, self.budget, self.sensors, self.readings)
+        allowed, wrong = selection(self.select, self.budget, self.sensors, self.readings, self.clock.epoch)
         found.mistakes += wrong
         found.raise_if_any()
         set_(self, "select", allowed)
@@ -263,4 +263,23 @@ class ReadingsProblem(AthansProblem):
             raise InfeasibleError(
                 f"at {t} = {shown}{more} fewer than {plural(least, 'sensor')} can be read\n"
                 "  hint: widen a window, let fewer be chosen (select: 0..1), or add 'idle' to the sensors"
+            )
+        self._require_budget()
+
+    def _require_budget(self) -> None:
+        """InfeasibleError where the windows leave too few readings for the budget."""
+        for key, wanted in (self.budget or {}).items():
+            columns = [j for j, s in enumerate(self.sensors) if not s.is_idle and key in ("total", s.name)]
+            room = int(np.sum(np.minimum(np.sum(self.upper[:, columns], axis=1), self.places)))
+            if room < wanted:
+                who = "all sensors together" if key == "total" else f"sensor '{key}'"
+                raise InfeasibleError(
+                    f"the budget asks for {plural(int(wanted), 'reading')} of {who}, there is room for {room}\n"
+                    "  hint: widen a window, take more sample times, or a smaller budget"
+                )
+        total = sum(self.budget.values()) if self.budget and "total" not in self.budget else 0
+        if total > self.readings * self.places:
+            raise InfeasibleError(
+                f"the budgets ask for {plural(total, 'reading')}, {self.places} at a time leave room for "
+                f"{self.readings * self.places}\n  hint: a larger select, or smaller budgets"
             )

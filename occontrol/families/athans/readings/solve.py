@@ -11,11 +11,13 @@ from occontrol.core.errors import UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution
 from occontrol.families.athans.found import Found, relax
-from occontrol.families.athans.methods import Collocation, RelaxRoundPolish
+from occontrol.families.athans.methods import Collocation, Relaxed, RelaxRoundPolish
 from occontrol.families.athans.readings.assembly import assemble
 from occontrol.families.athans.readings.bounds import tighten
+from occontrol.families.athans.readings.budgets import with_budget
 from occontrol.families.athans.readings.fill import feasible_set, fill
 from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.scheduling.budget import BudgetSet
 from occontrol.scheduling.sweep import Sweep
 
 
@@ -36,8 +38,11 @@ def solve(problem: ReadingsProblem, method: Any, monitor: Monitor) -> Solution:
     began = stopwatch.seconds()
     filled = fill(problem)
     sweep, allowed = Sweep(filled.recursion), feasible_set(problem)
-    found = method.run(problem, sweep, allowed, monitor)
-    found = tighten(sweep, allowed, found, method, monitor, keep=not isinstance(method, RelaxRoundPolish))
+    if isinstance(allowed, BudgetSet):
+        found = with_budget(sweep, allowed, method, monitor)
+    else:
+        found = method.run(problem, sweep, allowed, monitor)
+        found = tighten(sweep, allowed, found, method, monitor, keep=not isinstance(method, RelaxRoundPolish))
     return assemble(problem, method.name, filled, found, monitor, began)
 
 
@@ -53,6 +58,10 @@ def judged(problem: ReadingsProblem, weights: np.ndarray, relative_gap: float) -
     began, monitor = stopwatch.seconds(), Monitor()
     filled = fill(problem)
     sweep, allowed = Sweep(filled.recursion), feasible_set(problem)
+    if isinstance(allowed, BudgetSet):
+        found = with_budget(sweep, allowed, Relaxed(relative_gap), monitor, bound=True)
+        found.weights = weights
+        return assemble(problem, "certify", filled, found, monitor, began), found
     found = relax(sweep, allowed, monitor, relative_gap)
     found.weights = weights
     found = tighten(sweep, allowed, found, None, monitor, keep=True)

@@ -6,7 +6,7 @@ import pytest
 from occontrol.api import read_problem, solve
 from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.sensor import Sensor
-from occontrol.core.signal import ExpressionSignal
+from occontrol.core.signal import ExpressionSignal, TableSignal
 from occontrol.families.athans.methods import RelaxRoundPolish
 from occontrol.families.athans.readings.clock import SampleTimes, Steps
 from occontrol.families.athans.readings.problem import ReadingsProblem
@@ -92,6 +92,58 @@ def test_without_branching_the_bound_is_the_relaxations():
     plain = solve(oshman(False), RelaxRoundPolish(branch_first=False, strengthen=False))
     assert plain.result["lower_bound"] == pytest.approx(plain.result["relaxed_lower_bound"], rel=1e-6)
     assert "nodes" not in plain.result
+
+
+@pytest.mark.parametrize(
+    "noise, end, cost, at, plain",
+    [
+        (0.1, 1.0, 0.290400298314, 0.5361596, 0.22656444),
+        (1.0, 1.0, 0.409830149333, 0.6184539, 0.40625039),
+        (0.1, 2.0, 1.089175401762, 1.0423940, 0.70321793),
+    ],
+)
+def test_one_look_at_brownian_motion(noise, end, cost, at, plain):
+    """J = int_0^T S dt with one reading of covariance r in all; tau = 215/401 of T in the first case."""
+    plant = LinearPlant(A=[[0.0]], noise=[[1.0]], covariance=[[0.0]])
+    clock = SampleTimes(end * np.arange(1, 401) / 401, 0.0, end)
+    sensor = Sensor("look", [[1.0]], [[noise]])
+    problem = ReadingsProblem("brown", plant, [sensor], clock, [[0.0]], running=[[1.0]], budget={"look": 1})
+    solution = solve(problem)
+    assert solution.cost == pytest.approx(cost, rel=1e-11)
+    (tau,) = [entry["t"] for entry in solution.result["schedule"] if entry["sensors"] == ["look"]]
+    assert tau == pytest.approx(at, abs=1e-7)
+    # the closed form at that tau: S = t before, t - tau^2/(tau + r) after
+    assert solution.cost == pytest.approx(end**2 / 2 - (end - tau) * tau**2 / (tau + noise), rel=1e-12)
+    assert solution.result["relaxed_lower_bound"] <= plain <= solution.result["relaxed_cost"]
+    assert solution.result["relaxed_lower_bound"] <= solution.result["lower_bound"] <= cost
+
+
+TIMES = [0, 0.166, 0.333, 0.5, 0.666, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 24, 30, 48]
+
+
+@pytest.mark.parametrize("kappa, cost", [(1e3, 0.821751657290), (1e6, 0.8222402961)])
+def test_six_assays_of_a_compartment_model(kappa, cost):
+    """Sensitivities of three parameters at nineteen times, six readings, prior kappa I; all designs enumerated."""
+    from itertools import combinations
+
+    a, b, c = 0.05884, 4.298, 21.80
+    t = np.array(TIMES)
+    rows = np.column_stack([-c * t * np.exp(-a * t), c * t * np.exp(-b * t), np.exp(-a * t) - np.exp(-b * t)])
+    table = TableSignal(t, rows[:, None, :])
+    plant = LinearPlant(A=np.zeros((3, 3)), noise=np.zeros((3, 3)), covariance=kappa * np.eye(3))
+    clock = SampleTimes(TIMES, 0.0, 48.0)
+    sensor = Sensor("assay", table, [[1.0]])
+    problem = ReadingsProblem("compartment", plant, [sensor], clock, np.eye(3), budget={"total": 6})
+    solution = solve(problem)
+    chosen = [entry["t"] for entry in solution.result["schedule"] if entry["sensors"] == ["assay"]]
+    designs = np.array(list(combinations(range(19), 6)))
+    F = np.einsum("dki,dkj->dij", rows[designs], rows[designs]) + np.eye(3) / kappa
+    traces = np.trace(np.linalg.inv(F), axis1=1, axis2=2)
+    assert chosen == [TIMES[k] for k in designs[np.argmin(traces)]] == [0.166, 0.333, 1.0, 1.5, 2.0, 24.0]
+    assert solution.cost == pytest.approx(cost, rel=1e-10)
+    assert solution.cost == pytest.approx(float(traces.min()), rel=1e-7)
+    assert solution.result["lower_bound"] <= float(traces.min())
+    assert solution.result["relative_gap"] < 0.02
 
 
 def test_dense_samples_come_near_continuous_sensing():

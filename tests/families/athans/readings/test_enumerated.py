@@ -9,11 +9,11 @@ from tests.plain_readings import random_document
 MOST = 800  # schedules of one problem
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", range(18))
 def test_costs_and_bounds_agree_with_enumeration(seed):
     rng = np.random.default_rng(1000 + seed)
     while True:
-        result = judged(random_document(rng, most_readings=5), MOST)
+        result = judged(random_document(rng, most_readings=5, budget=seed % 3 == 0), MOST)
         if result is not None:
             break
     if result["infeasible"]:

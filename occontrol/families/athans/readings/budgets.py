@@ -1,0 +1,64 @@
+"""Methods for exact numbers of readings: the relaxation by cheapest schedules, and a search that keeps the numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from occontrol.core.errors import UsageError
+from occontrol.core.monitor import Monitor
+from occontrol.families.athans.found import Found
+from occontrol.families.athans.methods import Relaxed, RelaxRoundPolish
+from occontrol.scheduling.budget import BudgetSet
+from occontrol.scheduling.extraction import ExtractedSweep, extraction
+from occontrol.scheduling.relaxation import RelaxedOptions
+from occontrol.scheduling.sweep import Sweep
+from occontrol.scheduling.vertices import by_moves, minimise_with_budget
+
+PAYS = 1e-3  # of the cost: a gap below which nothing more is tried
+TRIED = 400  # moves from one schedule
+STARTS = 6
+MOST = 400  # schedules of the relaxation
+
+
+def with_budget(sweep: Sweep, allowed: BudgetSet, method: Any, monitor: Monitor, bound: bool = False) -> Found:
+    """The method's policy of readings that keeps the budget, with the relaxation beside it.
+
+    Parameters
+    ----------
+    sweep : of the recursion
+    allowed : with the budget
+    method : schedule or relaxed
+    monitor : Monitor
+    bound : whether the tighter bound is wanted for a relaxed method, too
+
+    Raises UsageError for the methods that do not count readings.
+    """
+    if not isinstance(method, RelaxRoundPolish | Relaxed):
+        raise UsageError(f"{method.name} does not do budgets of readings\n  hint: method: schedule, or relaxed")
+    monitor = monitor.child(method.time_limit)
+    monitor.stage = "relaxation"
+    most = method.max_iterations if allowed.one_group else min(method.max_iterations, MOST)
+    options = RelaxedOptions(method.relative_gap, most)
+    relaxed, columns = minimise_with_budget(sweep, allowed, options, monitor)
+    found = Found(relaxed.weights, relaxed.iterations, relaxed.status, "", relaxed, target=method.relative_gap)
+    found.proves = True
+    if isinstance(method, RelaxRoundPolish):
+        monitor.stage = "moves"
+        shares = np.array([float(np.vdot(column, relaxed.weights)) for column in columns])
+        likely = [columns[i] for i in np.argsort(-shares, kind="stable")[:STARTS]]
+        starts = {s.tobytes(): s for s in (allowed.round(relaxed.weights), *likely)}
+        done = [by_moves(sweep, allowed, start, TRIED, monitor) for start in starts.values()]
+        found.weights, cost = min(done, key=lambda each: each[1])
+    elif bound:
+        cost = sweep.cost(relaxed.weights)
+    else:
+        return found
+    if getattr(method, "strengthen", None) is not False and cost - relaxed.lower_bound > PAYS * abs(cost):
+        rho = extraction(sweep.recursion)
+        if rho > 1.0 and not monitor.stop:
+            bent = ExtractedSweep(sweep, rho)
+            tighter, _ = minimise_with_budget(bent, allowed, options, monitor.silent())
+            found.bound, found.extra["extraction"] = tighter.lower_bound, rho
+    return found
