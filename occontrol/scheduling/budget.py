@@ -48,6 +48,12 @@ class BudgetSet(IntervalPolytopes):
         """Whether instants have room for all sensors and one number binds all readings: then that number is all."""
         return self.select >= len(self.real) and (TOTAL in self.budget or len(self.real) == 1)
 
+    @property
+    def free(self) -> np.ndarray:
+        """(M,) which sensors no number binds; idle is not among them."""
+        bound = TOTAL in self.budget
+        return np.array([not bound and j != self.idle and name not in self.budget for j, name in enumerate(self.names)])
+
     def vertex(self, gradient: np.ndarray) -> np.ndarray:
         """The cheapest schedule (N, M) for g (N, M) that keeps the budget; ValueError where none does.
 

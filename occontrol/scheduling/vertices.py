@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, mini
 SMALL = 1e-10  # a share below which a schedule is dropped
 STEPS = 100  # of one master
 SHARE = 0.2  # of the gap that the master may leave
+LEAST = 1e-13  # of the cost: what a move must save
+PAIRED = 40  # moves of which two are tried at once
 
 
 @dataclass
@@ -195,40 +198,65 @@ def by_moves(
     tried : moves that are tried from one schedule
     monitor : Monitor
 
-    Returns the schedule (N, M) and its J; no tried move improves it.
+    Returns the schedule (N, M) and its J; no tried move improves it, nor two of the likely ones together.
     """
     v = start.copy()
     J, g = sweep.cost_and_gradient(v)
     while not monitor.stop:
-        best, best_J = None, J - 1e-13 * abs(J)
-        for move in _moves(feasible_set, v, g, tried):
-            cost = sweep.cost(move)
-            if cost < best_J:
-                best, best_J = move, cost
-        if best is None:
+        singles = [(sweep.cost(w), w) for w in _moves(feasible_set, v, g, tried)]
+        best = min(singles, key=lambda each: each[0], default=(np.inf, v))
+        if not best[0] < J - LEAST * abs(J):
+            best = _best_pair(sweep, feasible_set, v, singles)
+        if not best[0] < J - LEAST * abs(J):
             break
-        v = best
+        v = best[1]
         J, g = sweep.cost_and_gradient(v)
     return v, J
 
 
+def _best_pair(
+    sweep: Objective, feasible_set: BudgetSet, v: np.ndarray, singles: list[tuple[float, np.ndarray]]
+) -> tuple[float, np.ndarray]:
+    """The best of two moves at once, among those that are the least bad alone."""
+    near = [w for _, w in sorted(singles, key=lambda each: each[0])[:PAIRED]]
+    best = (np.inf, v)
+    for first, second in combinations(near, 2):
+        both = first + second - v
+        if np.min(both) < -LEAST or np.any(both > feasible_set.upper + LEAST) or not feasible_set.contains(both):
+            continue
+        cost = sweep.cost(both)
+        if cost < best[0]:
+            best = (cost, both)
+    return best
+
+
 def _moves(feasible_set: BudgetSet, v: np.ndarray, g: np.ndarray, tried: int) -> Iterator[np.ndarray]:
-    """Schedules that differ by one reading (k, j) -> (k', j'), idle filling up, the most promising first."""
-    idle = feasible_set.idle
-    leaves, enters = feasible_set.exchange_masks(v)
-    leaves[:, idle] = enters[:, idle] = False
-    used, free = np.argwhere(leaves), np.argwhere(enters & (v < 0.5))
+    """Schedules that differ by one reading, idle filling up, the most promising first.
+
+    A reading moves from (k, j) to (k', j'); one of a sensor that no number binds may also be dropped or added.
+    """
+    idle, free = feasible_set.idle, feasible_set.free
+    leaves = v > 0.5
+    leaves[:, idle] = False
     price = g - g[:, [idle]]
-    change = price[free[:, 0], free[:, 1]][None, :] - price[used[:, 0], used[:, 1]][:, None]
-    order = np.argsort(change, axis=None, kind="stable")
+    used = [(int(k), int(j)) for k, j in np.argwhere(leaves)]
+    # no sensor is entered twice; whether the instant has room is seen below
+    room = [(int(k), int(j)) for k, j in np.argwhere((feasible_set.upper > 0.5) & (v < 0.5)) if j != idle]
+    moves: list[tuple[float, tuple[int, int] | None, tuple[int, int] | None]] = []
+    for source in used:
+        moves += [(price[to] - price[source], source, to) for to in room]
+        if free[source[1]]:
+            moves.append((-price[source], source, None))
+    moves += [(price[to], None, to) for to in room if free[to[1]]]
+    moves.sort(key=lambda move: move[0])
     count = 0
-    for flat in order:
-        (k, j), (p, q) = used[flat // len(free)], free[flat % len(free)]
+    for _, source, to in moves:
         w = v.copy()
-        w[k, j], w[p, q] = 0.0, 1.0
-        w[k, idle] += 1.0
-        w[p, idle] -= 1.0
-        if w[p, idle] < -1e-9 or not feasible_set.contains(w):
+        for place, sign in ((source, -1.0), (to, 1.0)):
+            if place is not None:
+                w[place] += sign
+                w[place[0], idle] -= sign
+        if np.min(w[:, idle]) < -1e-9 or not feasible_set.contains(w):
             continue
         yield w
         count += 1

@@ -58,7 +58,7 @@ def tighten(
         monitor.stage = "first choices"
         limits = TreeLimits(
             relative_gap=getattr(method, "relative_gap", 1e-4),
-            gradients=int(np.clip(WORK / _operations(sweep), 20, 20_000)),
+            gradients=int(np.clip(WORK / operations(sweep), 20, 20_000)),
             node_gap=ROUGH,
             patience=PATIENCE,
         )
@@ -76,8 +76,8 @@ def _with_bound(found: RelaxedOutcome, bound: float) -> RelaxedOutcome:
     return found
 
 
-def _operations(sweep: Sweep) -> float:
-    """Of one gradient, roughly."""
+def operations(sweep: Sweep) -> float:
+    """Floating-point operations of one gradient, roughly."""
     r = sweep.recursion
     n, rows = r.states, r.rows.shape[1]
     return len(r.steps) * (8.0 * n**3 + 8.0 * rows * n * n + 500.0)

@@ -10,7 +10,9 @@ from occontrol.core.errors import UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.methods import Relaxed, RelaxRoundPolish
+from occontrol.families.athans.readings.bounds import operations
 from occontrol.scheduling.budget import BudgetSet
+from occontrol.scheduling.enumeration import cheapest, schedule_count
 from occontrol.scheduling.extraction import ExtractedSweep, extraction
 from occontrol.scheduling.relaxation import RelaxedOptions
 from occontrol.scheduling.sweep import Sweep
@@ -18,7 +20,9 @@ from occontrol.scheduling.vertices import by_moves, minimise_with_budget
 
 PAYS = 1e-3  # of the cost: a gap below which nothing more is tried
 TRIED = 400  # moves from one schedule
-STARTS = 6
+STARTS = 6  # near the relaxation, and as many moved at random
+NOISE = 0.3  # of a reading
+MOST_FLOPS = 1.5e9  # of trying all schedules
 MOST = 400  # schedules of the relaxation
 
 
@@ -44,11 +48,21 @@ def with_budget(sweep: Sweep, allowed: BudgetSet, method: Any, monitor: Monitor,
     relaxed, columns = minimise_with_budget(sweep, allowed, options, monitor)
     found = Found(relaxed.weights, relaxed.iterations, relaxed.status, "", relaxed, target=method.relative_gap)
     found.proves = True
+    few = schedule_count(allowed) * operations(sweep) <= MOST_FLOPS
+    if few and (bound or isinstance(method, RelaxRoundPolish)) and getattr(method, "branch_first", None) is not False:
+        monitor.stage = "all schedules"
+        known = cheapest(sweep, allowed, monitor)
+        if known is not None:
+            found.weights, _, found.bound = known
+            found.extra["schedules"] = schedule_count(allowed)
+            return found
     if isinstance(method, RelaxRoundPolish):
         monitor.stage = "moves"
         shares = np.array([float(np.vdot(column, relaxed.weights)) for column in columns])
         likely = [columns[i] for i in np.argsort(-shares, kind="stable")[:STARTS]]
-        starts = {s.tobytes(): s for s in (allowed.round(relaxed.weights), *likely)}
+        rng = np.random.default_rng(0)
+        moved = [allowed.vertex(-relaxed.weights - NOISE * rng.random(allowed.shape)) for _ in range(STARTS)]
+        starts = {s.tobytes(): s for s in (allowed.round(relaxed.weights), *likely, *moved)}
         done = [by_moves(sweep, allowed, start, TRIED, monitor) for start in starts.values()]
         found.weights, cost = min(done, key=lambda each: each[1])
     elif bound:
