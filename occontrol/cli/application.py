@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from occontrol.cli import certify, compare, export, filter, problems, show, simulate, solve, tradeoff
+from occontrol.cli import certify, compare, convert, export, filter, problems, show, simulate, solve, tradeoff
 
 HELP = "Optimal sensor scheduling, with a proven lower bound beside every schedule."
 
@@ -29,6 +29,7 @@ COMMANDS = {
     "export": export.export,
     "tradeoff": tradeoff.tradeoff,
     "show": show.show,
+    "convert": convert.convert,
 }
 for _name, _function in COMMANDS.items():
     app.command(_name)(_function)

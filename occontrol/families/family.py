@@ -129,6 +129,18 @@ class Family(Protocol):
         """Arrays {name: array} from which another program runs the filter; empty where there are none."""
         return {}
 
+    def converted(self, problem: Any, family: str) -> tuple[dict[str, Any], list[str]]:
+        """The problem as a document of another family, and sentences on what is left behind.
+
+        Parameters
+        ----------
+        problem : of this family
+        family : name of the other one
+
+        Raises UsageError for families that have no common ground with this one.
+        """
+        raise UsageError(f"a problem of family {self.name} does not become one of family {family}")
+
     # ---- what `abilities` declares
 
     def certify(self, problem: Any, schedule: Schedule, claims: Any = None) -> Solution:

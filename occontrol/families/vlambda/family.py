@@ -136,6 +136,12 @@ class VLambda(Family):
         """Raise InfeasibleError where a movable sensor of `problem` has nowhere to be."""
         problem.require_feasible()
 
+    def converted(self, problem: Problem, family: str) -> tuple[dict[str, Any], list[str]]:
+        """A `problem` as a document of `family` athans, which plans all choices together; UsageError for others."""
+        from occontrol.families.vlambda.convert import as_readings
+
+        return as_readings(problem) if family == "athans" else super().converted(problem, family)
+
     def certify(self, problem: Problem, schedule: Schedule, claims: Claims | None = None) -> Solution:
         """Cost of anybody's choices, beside the bound that the exact search proves; see certificate.py.
 

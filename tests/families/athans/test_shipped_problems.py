@@ -14,11 +14,9 @@ from occontrol.families.athans.discretise import discretise
 from occontrol.scheduling.sweep import Sweep
 
 PROBLEMS = Path(__file__).resolve().parents[3] / "problems"
-ATHANS = sorted(
-    path.stem
-    for path in PROBLEMS.glob("*.yaml")
-    if YAML(typ="safe").load(path.read_text(encoding="utf-8"))["family"] == "athans"
-)
+FILES = {path.stem: YAML(typ="safe").load(path.read_text(encoding="utf-8")) for path in PROBLEMS.glob("*.yaml")}
+READINGS = sorted(n for n, d in FILES.items() if "steps" in d.get("horizon", {}) or d.get("sensing") == "samples")
+ATHANS = sorted(name for name, data in FILES.items() if data["family"] == "athans" and name not in READINGS)
 GAP_REPORTED_ONLY = ("tracking_network",)
 
 

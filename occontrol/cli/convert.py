@@ -1,0 +1,39 @@
+"""occontrol convert: a problem of one family as a file of another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from occontrol.cli.output import note
+from occontrol.cli.solve import ProblemFile
+
+
+def convert(
+    file: ProblemFile,
+    to: Annotated[str, typer.Option("--to", metavar="FAMILY", help="The family to convert to.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Where to write it [default: FILE's name with the family, .json].")
+    ] = None,
+) -> int:
+    """Write a problem as one of another family, for example an on-line selection as a plan."""
+    from occontrol.api import family_of, read_problem
+    from occontrol.core.errors import FileAccessError, UsageError
+    from occontrol.files.atomic import refuse_same, write_text
+    from occontrol.files.plain_json import to_json
+
+    target = out or file.with_name(f"{file.stem}_{to}.json")
+    if target.suffix.lower() != ".json":
+        raise UsageError(f"{target} does not end in .json\n  hint: --out {target.with_suffix('.json')}")
+    if out is None and target.exists():
+        raise FileAccessError(f"{target} exists already\n  hint: --out FILE writes over it")
+    refuse_same([target], [file])
+    problem = read_problem(file)
+    found, remarks = family_of(problem).converted(problem, to)
+    write_text(target, to_json(found) + "\n")
+    for remark in remarks:
+        note(remark)
+    typer.echo(f"written {target}")
+    return 0
