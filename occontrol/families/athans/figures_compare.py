@@ -26,7 +26,7 @@ def sizes(problem: SchedulingProblem) -> str:
 
     parts = [
         count(problem.states, "state"),
-        count(len(problem.sensors), "sensor"),
+        count(len(problem.listed) if problem.takes_readings else len(problem.sensors), "sensor"),
         count(problem.readings, "reading") if problem.takes_readings else count(problem.intervals, "interval"),
     ]
     if problem.places > 1:

@@ -15,6 +15,7 @@ from occontrol.files.figures import style
 from occontrol.files.figures.panels import convergence_panel, curves_panel, legend, map_panel
 
 MOST_NAMED = 40  # sensors whose rows carry a name
+WIDEST_LINEAR = 20.0  # largest switching function over the median before the axis is compressed
 
 
 def draw(problem: ReadingsProblem, solution: Solution) -> dict[str, Figure]:
@@ -75,10 +76,14 @@ def _draw_schedule(axes: Axes, problem: ReadingsProblem, solution: Solution, lab
         place = len(names) - 1 - row
         if np.any(problem.upper == 0):
             open_ = times[upper[:, j] > 0]
-            axes.scatter(open_, np.full(len(open_), place), s=size, marker="s", color=style.PALE, lw=0, zorder=1)
+            axes.scatter(
+                open_, np.full(len(open_), place), s=size, marker="s", color=style.PALE, lw=0, zorder=1, clip_on=False
+            )
         used = weights[:, j] > 1e-6
         shares = size * np.clip(weights[used, j], 0.05, 1.0)
-        axes.scatter(times[used], np.full(int(used.sum()), place), s=shares, color=colours[name], lw=0, zorder=2)
+        axes.scatter(
+            times[used], np.full(int(used.sum()), place), s=shares, color=colours[name], lw=0, zorder=2, clip_on=False
+        )
     axes.set_ylim(-0.7, len(names) - 0.3)
     if len(names) <= MOST_NAMED:
         axes.set_yticks(range(len(names)), [style.shorten(name) for name in reversed(names)])
@@ -117,7 +122,10 @@ def _draw_switching(axes: Axes, problem: ReadingsProblem, solution: Solution, la
         for j, name in enumerate(names):
             axes.plot(problem.clock.times, switching[:, j], color=colours[j], lw=0.8, label=style.shorten(name))
             used = solution.arrays["weights"][:, j] > 0.5
-            axes.plot(problem.clock.times[used], switching[used, j], "o", ms=3.5, color=colours[j])
+            axes.plot(problem.clock.times[used], switching[used, j], "o", ms=3.5, color=colours[j], clip_on=False)
+        finite = np.abs(switching[np.isfinite(switching) & (switching != 0)])
+        if len(finite) and np.max(finite) > WIDEST_LINEAR * np.median(finite):
+            axes.set_yscale("symlog", linthresh=10.0 ** np.ceil(np.log10(np.median(finite))))
         axes.set_ylabel("cost of a reading")
         axes.grid(axis="y")
         legend(axes, len(names))
