@@ -36,6 +36,7 @@ class TreeLimits:
     node_gap : to which every node's relaxation is solved
     patience : nodes in a row that may be opened without raising the bound by `worth` of the gap; None is no limit
     worth : share of the gap
+    nodes : relaxations that may be solved
     """
 
     relative_gap: float
@@ -43,6 +44,7 @@ class TreeLimits:
     node_gap: float = 1e-3
     patience: int | None = None
     worth: float = 0.01
+    nodes: int = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +118,7 @@ def branch(
     heap.append((root.lower_bound, 0, first, feasible_set.upper, root.weights))
     options = RelaxedOptions(limits.node_gap, MOST_STEPS)
     bound, stale, finished = root.lower_bound, 0, np.inf
-    while heap and not monitor.stop and objective.backward_count < spent:
+    while heap and not monitor.stop and objective.backward_count < spent and nodes < limits.nodes:
         lowest, _, depth, upper, weights = heap[0]
         if lowest >= best - limits.relative_gap * abs(best) or finished <= lowest:
             break

@@ -64,6 +64,8 @@ def assemble(
             f"the recursion puts the cost at {certificate.cost:.12g}, an independent covariance filter at "
             f"{plain.cost:.12g}: do not trust either"
         )
+    extra = dict(found.extra)
+    nodes, proven = extra.pop("nodes", None), extra.pop("proven_optimal", None)
     path = step_path(r, v)
     units = filled.units.inverse
     schedule = problem.make_schedule(problem.edges, rows)
@@ -94,7 +96,9 @@ def assemble(
         warnings=list(problem.warnings),
         switches=schedule.switches,
         sweeps=dict(relaxed.sweeps) if relaxed is not None else {},
-        extra=dict(found.extra),
+        extra=extra,
+        proven_optimal=proven,
+        nodes=nodes,
         schedule=schedule.segments(),
     )
     arrays = {

@@ -17,7 +17,8 @@ from occontrol.scheduling.sweep import Sweep
 
 PAYS = 1e-3  # of the cost: a gap below which nothing more is tried
 WORK = 1.5e9  # operations that the tree may take
-ROUGH = 1e-3  # gap of the relaxation of a node
+ROUGH, FINE = 1e-3, 1e-4  # gap of the relaxation of a node, and where the optimum is to be proven
+MOST_GRADIENTS = 10**9  # of a search whose nodes and seconds are limited
 PATIENCE = 12
 
 
@@ -40,7 +41,10 @@ def tighten(
     if relaxed is None or not whole or monitor.stop:
         return found
     cost = sweep.cost(found.weights)
-    target = max(PAYS, getattr(method, "relative_gap", found.target))
+    exact = getattr(method, "exact_options", None)
+    target = max(PAYS, getattr(method, "relative_gap", found.target)) if exact is None else exact.relative_gap
+    if exact is not None:
+        found.extra["proven_optimal"] = cost - relaxed.lower_bound <= target * abs(cost)
     if cost - relaxed.lower_bound <= target * abs(cost):
         return found
     root, objective = relaxed, sweep
@@ -54,7 +58,7 @@ def tighten(
             found.extra["extraction"] = rho
             root = _with_bound(root, max(root.lower_bound, relaxed.lower_bound))
     bound = root.lower_bound
-    if getattr(method, "branch_first", None) is not False and not monitor.stop:
+    if (exact is not None or getattr(method, "branch_first", None) is not False) and not monitor.stop:
         monitor.stage = "first choices"
         limits = TreeLimits(
             relative_gap=getattr(method, "relative_gap", 1e-4),
@@ -62,8 +66,14 @@ def tighten(
             node_gap=ROUGH,
             patience=PATIENCE,
         )
-        tree = branch(objective, allowed, root, cost, limits, monitor)
+        watch = monitor
+        if exact is not None:
+            limits = TreeLimits(exact.relative_gap, MOST_GRADIENTS, FINE, None, nodes=exact.max_nodes)
+            watch = monitor.child(exact.time_limit)
+        tree = branch(objective, allowed, root, cost, limits, watch)
         bound, found.extra["nodes"] = max(bound, tree.lower_bound), tree.nodes
+        if exact is not None:
+            found.extra["proven_optimal"] = tree.closed
         if tree.weights is not None and not keep:
             better = polish(sweep, allowed, tree.weights, 50, monitor.silent())
             found.weights = better.weights if better.cost <= tree.cost else tree.weights

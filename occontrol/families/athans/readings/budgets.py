@@ -55,7 +55,11 @@ def with_budget(sweep: Sweep, allowed: BudgetSet, method: Any, monitor: Monitor,
         if known is not None:
             found.weights, _, found.bound = known
             found.extra["schedules"] = schedule_count(allowed)
+            if getattr(method, "exact_options", None) is not None:
+                found.extra["proven_optimal"] = True
             return found
+    if getattr(method, "exact_options", None) is not None:
+        found.extra["proven_optimal"] = False  # too many schedules to try all of them
     if isinstance(method, RelaxRoundPolish):
         monitor.stage = "moves"
         shares = np.array([float(np.vdot(column, relaxed.weights)) for column in columns])

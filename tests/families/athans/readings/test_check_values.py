@@ -146,6 +146,38 @@ def test_six_assays_of_a_compartment_model(kappa, cost):
     assert solution.result["relative_gap"] < 0.02
 
 
+def test_two_of_six_sensors_at_four_steps_are_proven_optimal():
+    """All 50,625 schedules enumerated by a plain filter."""
+    from itertools import combinations
+
+    rng = np.random.default_rng(600)
+    F = rng.standard_normal((6, 6))
+    F *= 0.9 / np.max(np.abs(np.linalg.eigvals(F)))
+    C = np.eye(6)[rng.permutation(6)]
+    plant = DiscretePlant(F=F, Q=0.5 * np.eye(6), covariance=np.eye(6))
+    sensors = [Sensor(f"s{j}", C[j : j + 1], [[0.5]], variable="k") for j in range(6)]
+    problem = ReadingsProblem("six", plant, sensors, Steps(4), np.zeros((1, 6)), running=np.eye(6), select=2)
+    solution = solve(problem, RelaxRoundPolish(exact={"max_nodes": 10_000}))
+    level = np.array([np.eye(6)])
+    total = np.zeros(1)
+    for k in range(4):
+        S = level if k == 0 else F @ level @ F.T + 0.5 * np.eye(6)
+        found = []
+        for pair in combinations(range(6), 2):
+            H = C[list(pair)]
+            HS = H @ S
+            found.append(S - np.swapaxes(HS, 1, 2) @ np.linalg.solve(HS @ H.T + 0.5 * np.eye(2), HS))
+        level = np.concatenate(found)
+        total = np.tile(total, 15) + np.trace(level, axis1=1, axis2=2)
+    assert len(total) == 50_625
+    assert solution.cost == pytest.approx(float(total.min()), rel=1e-12)
+    assert solution.result["proven_optimal"] is True and solution.result["nodes"] > 100
+    assert total.min() * (1 - 2e-6) <= solution.result["lower_bound"] <= total.min() * (1 + 1e-12)
+    short = solve(problem, RelaxRoundPolish(exact={"max_nodes": 20}))
+    assert short.result["proven_optimal"] is False
+    assert short.result["lower_bound"] <= total.min()
+
+
 def test_dense_samples_come_near_continuous_sensing():
     """Readings of covariance Theta/h every h: the cost of one sensor tends to the Riccati equation's, first order."""
     from scipy.integrate import solve_ivp
