@@ -198,3 +198,18 @@ def test_rules_that_make_no_sense_are_refused(tmp_path: Path, old: str, new: str
     with pytest.raises(oc.ProblemError) as error:
         problem(tmp_path, (old, new))
     assert words in str(error.value)
+
+
+def test_the_example_of_the_page_on_rules_prints_what_it_shows(tmp_path: Path, monkeypatch, capsys) -> None:
+    from occontrol.cli import run
+
+    page = (Path(__file__).resolve().parents[4] / "docs" / "rules.md").read_text(encoding="utf-8")
+    (tmp_path / "two_radars.yaml").write_text(page.split("```yaml\n", 1)[1].split("```", 1)[0], encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert run(["check", "two_radars.yaml"]) == 0
+    shown = "rules of range     min_on 0.6 (3 intervals, 0.6); warm_up 0.2 (1 interval, 0.2); max_uses 2"
+    assert shown in page and shown in capsys.readouterr().out
+    assert run(["solve", "two_radars.yaml", "--no-figures"]) == 0
+    printed = capsys.readouterr().out
+    assert "proven optimal; rules kept" in printed
+    assert run(["certify", "runs/two_radars"]) == 0
