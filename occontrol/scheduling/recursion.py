@@ -86,7 +86,7 @@ class Recursion:
         """M"""
         return len(self.offsets) - 1
 
-    @property
+    @cached_property
     def first_steps(self) -> np.ndarray:
         """(N,) the first step of every decision."""
         if self.owner is None:

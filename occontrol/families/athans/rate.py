@@ -165,9 +165,12 @@ class RateFamily(Family):
         return filter_tables(problem, schedule_of(solution), default_model(solution.result))
 
     def tradeoff(self, problem: SchedulingProblem, cost_weights: Sequence[float], monitor: Monitor) -> Front:
-        """Observation cost against prediction error over the cost weight alpha."""
+        """Observation cost against prediction error over the cost weight alpha; UsageError for rules."""
         from occontrol.families.athans.tradeoff import tradeoff
 
+        if problem.ruled:
+            what = "tradeoff does not do rules on schedules"
+            raise UsageError(f"{what}\n  hint: solve with constraints: {{max_observation_cost: ..}}, one at a time")
         return tradeoff(problem, cost_weights, monitor)
 
     def write_tradeoff(self, folder: Path, front: Front, figures: bool = True) -> list[Path]:

@@ -18,6 +18,7 @@ import numpy as np
 from occontrol.core.monitor import Monitor
 from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
+from occontrol.scheduling.rules.check import RELATIVE
 from occontrol.scheduling.rules.master import Master, Multipliers, Tangent
 from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.rows import Mean, Rows, priced
@@ -89,7 +90,7 @@ def bound_at(
         return np.inf, None
     constant = goal.observation * at.linear + factor * at.error - float(np.vdot(g, at.weights)) - owed
     if multipliers.error > 0:
-        constant -= multipliers.error * task.rules.max_error
+        constant -= multipliers.error * task.rules.max_error * (1 + RELATIVE)
     return constant + least, plan
 
 
@@ -138,7 +139,7 @@ def hull(
         scale = max(abs(value), 1e-300) if np.isfinite(value) else scale
         gap, cutoff = value - found.lower_bound, options.cutoff()
         # a mixture below the cutoff cannot be closed by any bound: branching helps more than digits
-        enough = max(options.gap * scale, ENOUGH * (cutoff - value) if np.isfinite(value) else 0.0)
+        enough = max(options.gap * scale, ENOUGH * min(cutoff - value, scale) if np.isfinite(value) else 0.0)
         if found.lower_bound >= cutoff or gap <= enough or monitor.stop:
             break
         idle = 0 if fresh or found.lower_bound > last + 0.1 * options.gap * scale else idle + 1

@@ -17,6 +17,8 @@ from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.rows import Row
 from occontrol.scheduling.rules.task import Task
 
+GROWTH = 4.0  # of the multiplier of the error, from one master to the next
+
 
 @dataclass
 class Multipliers:
@@ -82,7 +84,10 @@ class Master:
         self.multipliers = multipliers
         self._rho = 10.0 * scale
         limit = task.rules.max_error
-        self._rho_error = 10.0 * scale / limit**2 if np.isfinite(limit) and limit > 0 else 10.0 * scale
+        # a violation by the limit itself changes the multiplier by its own size at least, and never by more than GROWTH
+        limit = limit if np.isfinite(limit) and limit > 0 else 1.0
+        self._rho_error = max(10.0 * scale / limit**2, multipliers.error / limit)
+        self._most_error = GROWTH * (multipliers.error + scale / limit)
         self.forward_count = self.backward_count = 0
         self.last: Tangent | None = None
 
@@ -135,4 +140,4 @@ class Master:
     def updated(self, shares: np.ndarray, error: float) -> Multipliers:
         """The multipliers after a solve that ended at shares (1, P) with E = `error`."""
         _, y, nu = self._combined(shares, 0.0, error)
-        return Multipliers(y, nu)
+        return Multipliers(y, min(nu, self._most_error))

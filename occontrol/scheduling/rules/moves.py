@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.scheduling.rules.check import RELATIVE as RELATIVE_CAP
 from occontrol.scheduling.rules.check import keeps, segments, switching_cost, uses
 from occontrol.scheduling.rules.grid import counts
 from occontrol.scheduling.rules.plan import Plan
@@ -113,11 +114,11 @@ class Mover:
         """F of the schedule `on` (N, M), inf where it breaks a rule."""
         task, rules = self.task, self.rules
         spent = float(np.vdot(task.spend, on))
-        if spent > rules.max_observation * (1 + 1e-9) or not keeps(rules, task.edges, on):
+        if spent > rules.max_observation * (1 + RELATIVE_CAP) or not keeps(rules, task.edges, on):
             return np.inf
         self.evaluations += 1
         linear, error = task.parts(self.weights(on))
-        if error > rules.max_error * (1 + 1e-9):
+        if error > rules.max_error * (1 + RELATIVE_CAP):
             return np.inf
         return task.goal.observation * linear + task.goal.error * error + switching_cost(rules, on)
 

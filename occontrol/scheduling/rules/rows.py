@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from occontrol.scheduling.rules.check import RELATIVE
 from occontrol.scheduling.rules.grid import NEVER, Counts, counts
 from occontrol.scheduling.rules.oracle import Prices
 from occontrol.scheduling.rules.plan import Plan
@@ -79,17 +80,19 @@ class Rows:
         task, rules = self.task, self.task.rules
         self._seen: set[tuple] = set()
         self._counts: Counts = counts(rules, task.oracle.grid)
-        tracked = task.oracle.automaton.tracked
+        tracked, slack = task.oracle.automaton.tracked, task.oracle.grid.slack
+        # a row allows what the check of a schedule allows, so that the bound holds for every schedule that passes it
         for j in range(rules.sensors):
             if np.isfinite(rules.max_uses[j]) and "max_uses" not in tracked:
                 self._add("max_uses", j, {"start": (slice(None), 1.0)}, float(rules.max_uses[j]))
             if np.isfinite(rules.max_time[j]):
-                self._add("max_time", j, {"on": (slice(None), task.oracle.grid.steps)}, float(rules.max_time[j]))
+                limit = float(rules.max_time[j]) + slack
+                self._add("max_time", j, {"on": (slice(None), task.oracle.grid.steps)}, limit)
         if np.isfinite(rules.max_observation):
             none = Prices.none(*task.spend.shape)
             unit = max(rules.max_observation, float(np.max(task.spend)), 1e-300)
             u = Prices(task.spend / unit, none.start, none.stop)
-            self.known.append(Row("max_observation", None, u, rules.max_observation / unit, unit))
+            self.known.append(Row("max_observation", None, u, rules.max_observation * (1 + RELATIVE) / unit, unit))
 
     def _add(self, rule: str, j: int, where: dict, limit: float) -> None:
         N, M = self.task.spend.shape
@@ -132,7 +135,7 @@ class Rows:
         excess = (np.interp(begins + window, t, used) - np.interp(begins, t, used) - most) / max(most, 1e-300)
         for i in self._worst("duty", j, excess):
             overlap = np.minimum(t[1:], begins[i] + window) - np.maximum(t[:-1], begins[i])
-            self._add("duty_time", j, {"on": (slice(None), np.maximum(overlap, 0.0))}, most)
+            self._add("duty_time", j, {"on": (slice(None), np.maximum(overlap, 0.0))}, most + slack)
 
     def _min_off(self, mean: Mean, j: int) -> None:
         N = len(mean.on)

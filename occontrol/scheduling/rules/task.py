@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -47,12 +48,12 @@ class Task:
     spend: np.ndarray
     goal: Goal
 
-    @property
+    @cached_property
     def price(self) -> np.ndarray:
         """(N, C) the linear part of the sweep's J."""
         return self.sweep.recursion.decision_cost
 
-    @property
+    @cached_property
     def complete(self) -> bool:
         """Whether every plan of the oracle keeps all rules but the caps on cost and error."""
         r, tracked = self.rules, self.oracle.automaton.tracked

@@ -207,7 +207,7 @@ def test_the_example_of_the_page_on_rules_prints_what_it_shows(tmp_path: Path, m
     (tmp_path / "two_radars.yaml").write_text(page.split("```yaml\n", 1)[1].split("```", 1)[0], encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     assert run(["check", "two_radars.yaml"]) == 0
-    shown = "rules of range     min_on 0.6 (3 intervals, 0.6); warm_up 0.2 (1 interval, 0.2); max_uses 2"
+    shown = "rules of range     min_on 0.5 (2 intervals, 0.5); warm_up 0.25 (1 interval, 0.25); max_uses 2"
     assert shown in page and shown in capsys.readouterr().out
     assert run(["solve", "two_radars.yaml", "--no-figures"]) == 0
     printed = capsys.readouterr().out
