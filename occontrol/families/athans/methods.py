@@ -138,9 +138,7 @@ class RelaxRoundPolish:
             raise ProblemError([m.under("exact") for m in error.mistakes]) from None
 
     def check(self, problem: AthansProblem) -> Sequence[Mistake]:
-        """Options of readings for a problem of continuous sensing, and the other way round."""
-        if problem.takes_readings and self.exact:
-            return [Mistake(("exact",), "exact is for continuous sensing", "leave it out", key=True)]
+        """Options of readings for a problem of continuous sensing."""
         stated = [name for name in ("branch_first", "strengthen") if getattr(self, name) is not None]
         hint = "sensing: samples, or horizon: {steps: ..}"
         return [] if problem.takes_readings else [
