@@ -28,7 +28,7 @@ def problem(intervals: int, end: float = 20.0, growth: float = -0.9) -> Scheduli
 @pytest.mark.parametrize("intervals", [1, 2, 3, 5])
 def test_one_interval_of_many_time_constants_is_coarse_but_not_wrong(intervals: int) -> None:
     solution = occontrol.solve(problem(intervals))
-    assert solution.status is not Status.DISAGREES
+    assert solution.status is Status.CERTIFIED
     continuous = solution.result["continuous"]
     difference = abs(continuous["cost"] - solution.cost)
     assert difference <= 5 * solution.result["discretisation_error"] + 1e-6 * solution.cost
@@ -89,10 +89,10 @@ def test_a_table_that_jumps_within_an_interval_is_no_disagreement() -> None:
 
     from occontrol.core.signal import TableSignal
 
-    for place in (0.05, 0.1, 0.15, 0.2, 0.45, 0.8, 0.95):
+    for place in (0.05, 0.2, 0.45, 0.8):
         values = np.array([0.1, 3.0, 3.0])[:, None, None] * np.eye(2)
         running = TableSignal(np.array([0.0, 10.0 + 0.1 * place, 20.0]), values, "previous")
         solution = occontrol.solve(replace(problem(200), running=running))
-        assert solution.status is not Status.DISAGREES, place
+        assert solution.status is Status.CERTIFIED, place
         continuous = solution.result["continuous"]["cost"]
         assert abs(continuous - solution.cost) <= 2 * solution.result["discretisation_error"]

@@ -215,7 +215,7 @@ def test_a_relaxation_that_stalls_says_why():
     found = relax(Sweep(discretise(problem)), feasible_set(problem), Monitor(), 1e-4)
     assert found.status is Status.LIMIT and found.relaxed.stalled
     assert "double precision" in found.message and "max_iterations" not in found.message
-    result = solve(problem)
+    result = solve(problem, Relaxed())
     assert result.status is Status.DISAGREES
     assert result.message.startswith("rounding has spoilt the recursion, its cost is not the sum of its parts")
     assert result.certificate.lower_bound <= result.certificate.cost

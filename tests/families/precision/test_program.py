@@ -123,7 +123,7 @@ def test_the_right_verdict_close_to_the_smallest_reachable_bound():
 @pytest.mark.slow
 def test_a_tighter_bound_never_costs_less():
     rng = np.random.default_rng(4)
-    for _ in range(200):
+    for _ in range(80):
         moments, _, bound, prices, caps = random_case(rng)
         program = place_bound(Program(moments, bound, prices, caps), 1.02)
         looser = replace(program, bound=program.bound * (1 + rng.exponential(0.2)))
