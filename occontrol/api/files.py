@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from occontrol.api.problems import family_of, figures_of
 from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.kinds import PlainDict, PlainMapping
+from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
 from occontrol.families import find_family, names
 
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from occontrol.core.schedule import Schedule
 
 
-def read_problem(path: str | Path) -> Any:
+def read_problem(path: str | Path) -> BaseProblem:
     """The problem in a file, for example a SchedulingProblem.
 
     Parameters
@@ -31,7 +33,7 @@ def read_problem(path: str | Path) -> Any:
     loaded = load_document(path, names(), lambda name: find_family(name).schema())
     family = find_family(loaded.family)
 
-    def check(problem: Any) -> list[Mistake]:
+    def check(problem: BaseProblem) -> list[Mistake]:
         return [] if problem.method is None else family.mistakes(problem, problem.method)
 
     return loaded.build(check)
@@ -50,12 +52,12 @@ def placed(path: str | Path, mistakes: Sequence[Mistake]) -> ProblemError:
     return load_document(path, names(), lambda name: find_family(name).schema()).text.placed(list(mistakes))
 
 
-def document(problem: Any) -> dict[str, Any]:
+def document(problem: BaseProblem) -> PlainDict:
     """The problem as a JSON-able dict with all tables embedded; reading it back gives the identical problem."""
     return family_of(problem).schema().document(problem)
 
 
-def json_schema(family: str) -> dict[str, Any]:
+def json_schema(family: str) -> PlainDict:
     """The JSON Schema of the problem files of the family called `family`, with its methods and their options."""
     from occontrol.files.problem_file import documents_of
     from occontrol.files.schema.json_schema import json_schema as schema_of
@@ -65,8 +67,8 @@ def json_schema(family: str) -> dict[str, Any]:
 
 
 def write_run(
-    folder: str | Path, problem: Any, solution: Solution, extras: Callable[[Path, dict], None] | None = None
-) -> dict[str, Any]:
+    folder: str | Path, problem: BaseProblem, solution: Solution, extras: Callable[[Path, dict], None] | None = None
+) -> PlainDict:
     """Write a run folder and return the content of its result.json.
 
     Parameters
@@ -84,7 +86,7 @@ def write_run(
     return run_folder.write_run(folder, document(problem), solution, extras)
 
 
-def write_report(folder: Path, problem: Any, solution: Solution, content: Mapping[str, Any]) -> None:
+def write_report(folder: Path, problem: BaseProblem, solution: Solution, content: PlainMapping) -> None:
     """Every figure of a solution as a picture below `folder`, and report.html with the `content` of result.json."""
     from occontrol.files.report import write_pictures_and_report
 
@@ -95,7 +97,7 @@ def write_report(folder: Path, problem: Any, solution: Solution, content: Mappin
     write_pictures_and_report(folder, str(problem.name), rows, figures_of(problem, solution))
 
 
-def read_run(folder: str | Path) -> tuple[Any, Solution]:
+def read_run(folder: str | Path) -> tuple[BaseProblem, Solution]:
     """The problem and the Solution of the run folder `folder`, identical to what was written.
 
     Raises ProblemError naming the file that is missing, damaged, or does not belong to the others; FileAccessError when
@@ -112,7 +114,7 @@ def read_run(folder: str | Path) -> tuple[Any, Solution]:
     return problem, dataclasses.replace(solution, numbers=numbers)
 
 
-def is_run_of(folder: str | Path, solved: Any, problem: Any) -> bool:
+def is_run_of(folder: str | Path, solved: BaseProblem, problem: BaseProblem) -> bool:
     """Whether a run folder holds a result of `problem`; how it is named and solved does not matter.
 
     Parameters
@@ -127,7 +129,7 @@ def is_run_of(folder: str | Path, solved: Any, problem: Any) -> bool:
     return solved.family == problem.family and same_problem(document(problem), document(solved), digest)
 
 
-def read_schedule(path: str | Path, problem: Any) -> Schedule:
+def read_schedule(path: str | Path, problem: BaseProblem) -> Schedule:
     """A schedule that anyone wrote, on the grid of `problem` refined where the schedule switches.
 
     Parameters
@@ -143,7 +145,7 @@ def read_schedule(path: str | Path, problem: Any) -> Schedule:
     return data_files.read_schedule(path, problem, read_run)
 
 
-def read_measurements(path: str | Path, problem: Any = None) -> list[Measurement]:
+def read_measurements(path: str | Path, problem: BaseProblem = None) -> list[Measurement]:
     """The samples of a measurement file, in the order of time.
 
     Parameters

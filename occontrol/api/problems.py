@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from occontrol.core.claims import Claims
 from occontrol.core.errors import InfeasibleError, ProblemError, UsageError, suggest
+from occontrol.core.measurement import OnlineLoop
+from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
-from occontrol.core.solution import Solution, Status
+from occontrol.core.problem import BaseProblem
+from occontrol.core.solution import Solution, Status, Tradeoff
+from occontrol.core.trajectory import Trajectory
 from occontrol.families import find_family, names
 from occontrol.families.family import Ability, Family
 
@@ -18,7 +23,7 @@ if TYPE_CHECKING:
     from occontrol.core.schedule import Schedule
 
 
-def family_of(problem: Any) -> Family:
+def family_of(problem: BaseProblem) -> Family:
     """The family of a problem; UsageError for what is no problem of any family."""
     name = getattr(problem, "family", None)
     family = find_family(name) if name in names() else None
@@ -28,7 +33,7 @@ def family_of(problem: Any) -> Family:
     return family
 
 
-def require(problem: Any, ability: Ability) -> Family:
+def require(problem: BaseProblem, ability: Ability) -> Family:
     """The family of `problem`; UsageError, naming the families that can, when it does not declare `ability`."""
     family = family_of(problem)
     if not family.can(ability):
@@ -38,7 +43,7 @@ def require(problem: Any, ability: Ability) -> Family:
     return family
 
 
-def choose_method(problem: Any, method: Any = None) -> Any:
+def choose_method(problem: BaseProblem, method: Method | str | None = None) -> Method:
     """The method object that `solve` would run.
 
     Parameters
@@ -56,7 +61,7 @@ def choose_method(problem: Any, method: Any = None) -> Any:
     return chosen
 
 
-def solve(problem: Any, method: Any = None, monitor: Monitor | None = None) -> Solution:
+def solve(problem: BaseProblem, method: Method | str | None = None, monitor: Monitor | None = None) -> Solution:
     """Solve a problem of any family.
 
     Parameters
@@ -74,12 +79,12 @@ def solve(problem: Any, method: Any = None, monitor: Monitor | None = None) -> S
     return solution  # it carries its problem, to which a family may have added edges
 
 
-def _own_monitor(monitor: Monitor | None, method: Any) -> Monitor:
+def _own_monitor(monitor: Monitor | None, method: Method | str | None) -> Monitor:
     """A monitor for this method alone: what it sets does not reach the caller's."""
     return (Monitor() if monitor is None else monitor).child(getattr(method, "time_limit", None))
 
 
-def certify(problem: Any, schedule: Schedule, claims: Any = None) -> Solution:
+def certify(problem: BaseProblem, schedule: Schedule, claims: Claims | None = None) -> Solution:
     """Cost, lower bound and gap of a schedule that anybody wrote, all recomputed.
 
     Parameters
@@ -94,7 +99,7 @@ def certify(problem: Any, schedule: Schedule, claims: Any = None) -> Solution:
     return family.certify(problem, schedule, claims)  # it carries its problem, on edges where the schedule switches
 
 
-def simulate(problem: Any, solution: Solution | None, seed: int = 0) -> tuple[list[Measurement], Any]:
+def simulate(problem: BaseProblem, solution: Solution | None, seed: int = 0) -> tuple[list[Measurement], Trajectory]:
     """A true trajectory and what the scheduled sensors would report of it.
 
     Parameters
@@ -110,7 +115,9 @@ def simulate(problem: Any, solution: Solution | None, seed: int = 0) -> tuple[li
     return family.simulate(problem, solution, seed)
 
 
-def run_filter(problem: Any, solution: Solution, measurements: Sequence[Measurement], **options: Any) -> Estimate:
+def run_filter(
+    problem: BaseProblem, solution: Solution, measurements: Sequence[Measurement], **options: object
+) -> Estimate:
     """The estimate that the schedule's filter makes of measurements.
 
     Parameters
@@ -131,7 +138,7 @@ def run_filter(problem: Any, solution: Solution, measurements: Sequence[Measurem
     return family.run_filter(problem, solution, measurements, **options)
 
 
-def online(problem: Any, solution: Solution | None = None, method: Any = None) -> Any:
+def online(problem: BaseProblem, solution: Solution | None = None, method: Method | str | None = None) -> OnlineLoop:
     """The object for a loop on a target: `step(measurements)` gives the estimate and what to measure next.
 
     Parameters
@@ -147,7 +154,7 @@ def online(problem: Any, solution: Solution | None = None, method: Any = None) -
     return family.online(problem, solution, None if method is None else choose_method(problem, method))
 
 
-def tradeoff(problem: Any, cost_weights: Sequence[float], monitor: Monitor | None = None) -> Any:
+def tradeoff(problem: BaseProblem, cost_weights: Sequence[float], monitor: Monitor | None = None) -> Tradeoff:
     """The front of observation cost against prediction error over the cost weight alpha.
 
     Parameters
@@ -168,22 +175,24 @@ def _require_schedule(solution: Solution | None) -> None:
         raise InfeasibleError(solution.message or solution.status.text)
 
 
-def figures_of(problem: Any, solution: Solution) -> dict[str, Figure]:
+def figures_of(problem: BaseProblem, solution: Solution) -> dict[str, Figure]:
     """Every figure of `solution` to `problem` by name, the most telling first."""
     return family_of(problem).figures(problem, solution)
 
 
-def compare_figure(problem: Any, solutions: Mapping[str, Solution]) -> Figure | None:
+def compare_figure(problem: BaseProblem, solutions: Mapping[str, Solution]) -> Figure | None:
     """One figure of several `solutions`, by method name, to the same `problem`; None where the family has none."""
     return family_of(problem).compare_figure(problem, solutions)
 
 
-def estimate_figures(problem: Any, solution: Solution, estimate: Estimate, truth: Any = None) -> dict[str, Figure]:
+def estimate_figures(
+    problem: BaseProblem, solution: Solution, estimate: Estimate, truth: Trajectory | None = None
+) -> dict[str, Figure]:
     """The figures of an `estimate` along a solution by name; beside the `truth` where it is known."""
     return family_of(problem).estimate_figures(problem, solution, estimate, truth)
 
 
-def plot(solution: Solution, problem: Any = None, figure: str | None = None) -> dict[str, Figure] | Figure:
+def plot(solution: Solution, problem: BaseProblem = None, figure: str | None = None) -> dict[str, Figure] | Figure:
     """Pictures of a solution, as matplotlib Figures.
 
     Parameters

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from occontrol.cli.output import note, print_json, print_pairs
 from occontrol.cli.solve import JsonFlag, write_with_figures
+from occontrol.core.problem import BaseProblem
+from occontrol.core.schedule import Schedule
 
 
 def certify(
@@ -106,7 +108,7 @@ def _refuse_inputs(out: Path, *inputs: Path | None) -> None:
     refuse_same([out / name for name in KNOWN], inputs)
 
 
-def _is_listed(run: Path, problem: Any, schedule: Any) -> bool:
+def _is_listed(run: Path, problem: BaseProblem, schedule: Schedule) -> bool:
     """Whether the schedule that result.json lists for the eye is that of the arrays."""
     import numpy as np
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from occontrol.cli.output import note, number, percent, print_json, print_table, with_error
 from occontrol.cli.solve import JsonFlag, ProblemFile, run_method
+from occontrol.core.kinds import PlainDict
+from occontrol.core.problem import BaseProblem
 
 if TYPE_CHECKING:
     from occontrol.core.solution import Solution
@@ -82,7 +84,7 @@ def _outcome(solutions: dict[str, Solution]) -> int:
     return codes[0] if codes else 6
 
 
-def comparison(solutions: dict[str, Solution]) -> list[dict[str, Any]]:
+def comparison(solutions: dict[str, Solution]) -> list[PlainDict]:
     """One record per method; every cost is measured against the best bound that any of them proved.
 
     Parameters
@@ -96,7 +98,7 @@ def comparison(solutions: dict[str, Solution]) -> list[dict[str, Any]]:
         numbers = solution.numbers
         top = tops[name]
         cost = getattr(numbers, "cost", None) if top is None else top.cost
-        record: dict[str, Any] = {"method": name, "status": str(solution.status), "cost": cost}
+        record: PlainDict = {"method": name, "status": str(solution.status), "cost": cost}
         record["lower_bound"] = getattr(numbers, "lower_bound", None) if top is None else top.lower_bound
         if best is not None and isinstance(cost, int | float) and cost:
             record["gap_to_best_bound"] = (cost - best) / abs(cost)
@@ -111,7 +113,7 @@ def comparison(solutions: dict[str, Solution]) -> list[dict[str, Any]]:
     return rows
 
 
-def _print(rows: list[dict[str, Any]], named: Sequence[str] = ()) -> None:
+def _print(rows: list[PlainDict], named: Sequence[str] = ()) -> None:
     known = {
         "method",
         "status",
@@ -149,7 +151,9 @@ def _print(rows: list[dict[str, Any]], named: Sequence[str] = ()) -> None:
     print_table(headers, [[column(r) for column in columns] for r in rows], right=range(2, len(headers)))
 
 
-def _write(folder: Path, problem: Any, solutions: dict[str, Solution], rows: list[dict[str, Any]], quiet: bool) -> None:
+def _write(
+    folder: Path, problem: BaseProblem, solutions: dict[str, Solution], rows: list[PlainDict], quiet: bool
+) -> None:
     from occontrol.api import compare_figure
     from occontrol.core.errors import FileAccessError
     from occontrol.files.atomic import write_text

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from occontrol.cli.export import RunFolder
 from occontrol.cli.output import note
+from occontrol.core.errors import Mistake
+from occontrol.core.measurement import Estimate
+from occontrol.core.problem import BaseProblem
+from occontrol.core.solution import Solution
 
 if TYPE_CHECKING:
     from occontrol.core.trajectory import Trajectory
@@ -63,14 +67,16 @@ def filter_measurements(
     return 0
 
 
-def _in_file(mistake: Any, file: Path) -> Any:
+def _in_file(mistake: Mistake, file: Path) -> Mistake:
     """A mistake of the filter, with the file's name before its line."""
     if mistake.place.startswith("line "):
         return replace(mistake, place=f"{file}:{mistake.place[5:]}")
     return replace(mistake, place=mistake.place or str(file))
 
 
-def _draw(problem: Any, solution: Any, estimate: Any, truth: Trajectory | None, out: Path) -> list[str]:
+def _draw(
+    problem: BaseProblem, solution: Solution, estimate: Estimate, truth: Trajectory | None, out: Path
+) -> list[str]:
     from occontrol.api import estimate_figures
     from occontrol.files.figures import save
 

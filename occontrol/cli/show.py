@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from occontrol.cli.export import RunFolder
 from occontrol.cli.output import number, percent, print_json, print_pairs
 from occontrol.cli.solve import JsonFlag
+from occontrol.core.kinds import Plain, PlainDict
 
 
 def show(run: RunFolder, json: JsonFlag = False) -> int:
@@ -44,11 +43,11 @@ def show(run: RunFolder, json: JsonFlag = False) -> int:
     return 0
 
 
-def _seconds(result: dict[str, Any]) -> str:
+def _seconds(result: PlainDict) -> str:
     return f"{number(result.get('seconds'), 4)} s"
 
 
-def _listed(value: Any) -> str:
+def _listed(value: Plain) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{key} {entry}" for key, entry in value.items() if entry is not None) or "-"
     return "-" if value is None else str(value)

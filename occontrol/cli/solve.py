@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from occontrol.cli.output import note, print_json, print_pairs
+from occontrol.core.kinds import PlainDict
+from occontrol.core.problem import BaseProblem
 
 if TYPE_CHECKING:
     from occontrol.cli.watch import Watched
@@ -75,7 +77,7 @@ def solve(
                 if why
                 else "nothing to go on from was found, or this method begins anew: it was solved from the beginning"
             )
-        content: dict[str, Any] = solution.as_dict()
+        content: PlainDict = solution.as_dict()
         trouble: FileAccessError | None = None
         written: Path | None = None
         if usable:
@@ -112,7 +114,7 @@ def default_folder(file: Path) -> Path:
     return Path("runs") / file.stem
 
 
-def run_method(problem: Any, name: str | None, monitor: Watched) -> Solution:
+def run_method(problem: BaseProblem, name: str | None, monitor: Watched) -> Solution:
     """Solve `problem` with the method called `name`, or its own, under the eyes of `monitor`.
 
     Parameters
@@ -130,7 +132,7 @@ def run_method(problem: Any, name: str | None, monitor: Watched) -> Solution:
     return call_solve(problem, method, monitor)
 
 
-def _earlier(folder: Path, problem: Any) -> Solution | None:
+def _earlier(folder: Path, problem: BaseProblem) -> Solution | None:
     """What a resumed solve goes on from: DIR/interrupted, else DIR, if it is a result of the same problem."""
     from occontrol.api import is_run_of, read_run
     from occontrol.core.errors import OccontrolError
@@ -145,7 +147,7 @@ def _earlier(folder: Path, problem: Any) -> Solution | None:
     return None
 
 
-def write_with_figures(folder: Path, problem: Any, solution: Solution, figures: bool = True) -> Placed:
+def write_with_figures(folder: Path, problem: BaseProblem, solution: Solution, figures: bool = True) -> Placed:
     """Write the run folder with pictures and report; return where it went.
 
     Parameters
@@ -175,7 +177,7 @@ def _status_of(error: Exception) -> str:
     return "infeasible" if isinstance(error, InfeasibleError) else "failed"
 
 
-def _print_summary(problem: Any, solution: Solution, folder: Path | None) -> None:
+def _print_summary(problem: BaseProblem, solution: Solution, folder: Path | None) -> None:
     from occontrol.api import family_of
 
     pairs = [("status", f"{solution.status}: {solution.message or solution.status.text}")]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from occontrol.cli.output import note
+from occontrol.core.problem import BaseProblem
 
 
-def warn_of(problem: Any, file: Path, strict: bool) -> None:
+def warn_of(problem: BaseProblem, file: Path, strict: bool) -> None:
     """Print the warnings about a problem on standard error, with their places in its file.
 
     Parameters

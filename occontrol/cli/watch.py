@@ -12,10 +12,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from occontrol.core import stopwatch
 from occontrol.core.monitor import Monitor
+
+if TYPE_CHECKING:
+    from rich.live import Live
 
 RECENT = 40
 PATIENCE = 0.5  # seconds in which nothing is said
@@ -148,7 +151,7 @@ def _on_terminal() -> bool:
     return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
 
 
-def _display(monitor: Watched) -> Any:
+def _display(monitor: Watched) -> Live | None:
     if not _on_terminal():
         return None
     from rich.console import Console

@@ -14,7 +14,6 @@ import sys
 from collections.abc import Callable
 from importlib.machinery import ModuleSpec
 from types import ModuleType
-from typing import Any
 
 from occontrol.core import stopwatch
 
@@ -43,7 +42,7 @@ def _note(text: str) -> None:
 class _Finder:
     """Waits for numba's dispatcher and hands it to `_soften` once it is loaded."""
 
-    def find_spec(self, name: str, path: Any, target: ModuleType | None = None) -> ModuleSpec | None:
+    def find_spec(self, name: str, path: object, target: ModuleType | None = None) -> ModuleSpec | None:
         if name != _WATCHED:
             return None
         import importlib.util
@@ -62,7 +61,7 @@ class _Finder:
         return spec
 
 
-def _soften(dispatcher: Any) -> None:
+def _soften(dispatcher: ModuleType) -> None:
     """Replace the methods through which numba meets the file system, and the one that compiles."""
     from numba.core import caching, event
 
@@ -72,18 +71,18 @@ def _soften(dispatcher: Any) -> None:
     enable, load, save = kind.enable_caching, cache.load_overload, cache.save_overload
     compile_one = kind.compile
 
-    def enable_caching(self: Any) -> None:
+    def enable_caching(self: object) -> None:
         if not _attempt(lambda: enable(self)) and _use_temporary_folder():
             _attempt(lambda: enable(self))
 
-    def load_overload(self: Any, sig: Any, target_context: Any) -> Any:
+    def load_overload(self: caching.Cache, sig: object, target_context: object) -> object:
         try:
             return load(self, sig, target_context)
         except Exception as error:  # pickle raises a dozen kinds for a file that is cut off; then it is compiled anew
             _note(f"compiled code could not be read and is compiled anew ({type(error).__name__})")
             return None
 
-    def save_overload(self: Any, sig: Any, data: Any) -> None:
+    def save_overload(self: caching.Cache, sig: object, data: object) -> None:
         try:
             try:
                 save(self, sig, data)
@@ -96,15 +95,15 @@ def _soften(dispatcher: Any) -> None:
             reason = getattr(error, "strerror", None) or type(error).__name__
             _note(f"compiled code could not be kept ({reason}): it is compiled anew each time")
 
-    def compile(self: Any, sig: Any) -> Any:
+    def compile(self: object, sig: object) -> object:
         with stopwatch.stopped():
             return compile_one(self, sig)
 
     class Watch(event.Listener):
-        def on_start(self, event: Any) -> None:
+        def on_start(self, event: object) -> None:
             stopwatch.begin()
 
-        def on_end(self, event: Any) -> None:
+        def on_end(self, event: object) -> None:
             stopwatch.end()
 
     event.register("numba:compile", Watch())

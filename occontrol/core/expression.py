@@ -14,9 +14,9 @@ import unicodedata
 import warnings
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
-from typing import Any
 
 from occontrol.core.errors import ProblemError, suggest
+from occontrol.core.kinds import Casadi
 from occontrol.core.poles import suspects
 
 MAX_LENGTH = 10_000
@@ -165,7 +165,7 @@ class Expression:
                 raise _fail(self.text, f"contains something that is not a formula ({type(node).__name__})")
         self.used = frozenset(used)
 
-    def casadi(self, symbols: dict[str, Any]) -> Any:
+    def casadi(self, symbols: dict[str, Casadi]) -> Casadi:
         """The formula rebuilt over CasADi symbols, one for each name in `variables`."""
         return _build(self._tree, symbols)
 
@@ -174,7 +174,7 @@ class Expression:
         """Subformulas at whose zeros the formula may be infinite."""
         return suspects(self._tree)
 
-    def casadi_suspects(self, symbols: dict[str, Any]) -> list[Any]:
+    def casadi_suspects(self, symbols: dict[str, Casadi]) -> list[Casadi]:
         """The suspects over CasADi symbols."""
         import casadi
 
@@ -182,7 +182,7 @@ class Expression:
         return [casadi.cos(node) if outer == "cos" else node for node, outer in built]
 
 
-def _build(node: ast.expr, symbols: dict[str, Any]) -> Any:
+def _build(node: ast.expr, symbols: dict[str, Casadi]) -> Casadi:
     """A checked syntax tree over CasADi symbols."""
     import casadi
 

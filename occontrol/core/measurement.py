@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -87,3 +89,11 @@ class Estimate:
     notes: tuple[str, ...] = ()
     output: np.ndarray | None = None
     output_deviation: np.ndarray | None = None
+
+
+class OnlineLoop(Protocol):
+    """What runs in a loop on a target, such as MatchedFilter: each family's own class says what it takes and gives."""
+
+    def step(self, measurements: Mapping[str, np.ndarray] | None = None) -> Step:
+        """The estimate after the values (m,) of the sensors that were read, and what to measure next."""
+        ...

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.kinds import PlainDict
+from occontrol.core.problem import BaseProblem
 
 
 @runtime_checkable
@@ -21,17 +23,17 @@ class Method(Protocol):
 
     name: ClassVar[str]
 
-    def check(self, problem: Any) -> Sequence[Mistake]:
+    def check(self, problem: BaseProblem) -> Sequence[Mistake]:
         """What is wrong with these options for `problem`, paths below `method`; empty when they fit."""
         return ()
 
-    def run(self, problem: Any, *arguments: Any) -> Any:
+    def run(self, problem: BaseProblem, *arguments: object) -> Any:
         """Run on `problem`; what else goes in and what comes out is the family's business."""
         ...
 
 
 def check_options(
-    method: Any,
+    method: Method,
     positive: Sequence[str] = (),
     at_least: dict[str, float] | None = None,
     one_of: dict | None = None,
@@ -73,11 +75,11 @@ def check_options(
         raise ProblemError(found)
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def options_in_common(own: Any, kind: type) -> dict[str, Any]:
+def options_in_common(own: Any, kind: type) -> PlainDict:
     """The options that `own` states beyond its defaults and that the method class `kind` has too.
 
     Parameters

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_shape
 from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.kinds import ArrayField, OptionalSignalField, SignalField, VectorField, unless_given
 from occontrol.core.signal import Signal, as_signal
 
 
@@ -32,12 +32,12 @@ class LinearPlant:
     Athans (1971), equations (2.1)-(2.8).
     """
 
-    A: Any
-    noise: Any
-    covariance: Any
-    mean: Any = None
-    B: Any = None
-    input: Any = None
+    A: SignalField
+    noise: SignalField
+    covariance: ArrayField
+    mean: VectorField = unless_given(None)
+    B: OptionalSignalField = unless_given(None)
+    input: OptionalSignalField = unless_given(None)
 
     def __post_init__(self) -> None:
         found = Collector()
@@ -111,11 +111,11 @@ class DiscretePlant:
     Oshman (1994), equation (1).
     """
 
-    F: Any
-    Q: Any
-    covariance: Any
-    mean: Any = None
-    G: Any = None
+    F: SignalField
+    Q: SignalField
+    covariance: ArrayField
+    mean: VectorField = unless_given(None)
+    G: OptionalSignalField = unless_given(None)
 
     def __post_init__(self) -> None:
         found = Collector()

@@ -9,8 +9,8 @@ leave it small and are no poles.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -91,7 +91,11 @@ def find_pole(expression: Expression, variable: str, times: np.ndarray) -> float
     return min(poles, default=None)
 
 
-def _zeros(row: int, z: np.ndarray, times: np.ndarray, evaluate: Any) -> Iterator[tuple[float, float, np.ndarray]]:
+Evaluate: TypeAlias = "Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]"
+"""Times (K,) -> the suspects (rows, K), and the size (K,) of the formula."""
+
+
+def _zeros(row: int, z: np.ndarray, times: np.ndarray, evaluate: Evaluate) -> Iterator[tuple[float, float, np.ndarray]]:
     """(low, high, the samples around them): neighbouring floats at which z changes its sign, or is smallest."""
     crossing = np.flatnonzero(z[:-1] * z[1:] < 0)[:MOST_ZEROS]
     if len(crossing):

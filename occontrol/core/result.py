@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
+
+from occontrol.core.kinds import Plain, PlainDict, PlainMapping
 
 
 class ResultData:
@@ -16,11 +17,11 @@ class ResultData:
 
     if TYPE_CHECKING:
 
-        def __getattr__(self, name: str) -> Any: ...
+        def __getattr__(self, name: str) -> Plain: ...
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> PlainDict:
         """The family's part of result.json, in the order of the fields."""
-        content: dict[str, Any] = {}
+        content: PlainDict = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)
             if field.name == "extra":
@@ -31,7 +32,7 @@ class ResultData:
         return content
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+    def from_dict(cls, content: PlainMapping) -> Self:
         """The result that `content`, read from a result.json, describes; what is not there is None.
 
         Entries that are no fields go to `extra` where the class has it, and are dropped otherwise.
@@ -52,9 +53,9 @@ class PlainResult(ResultData):
     extra : the entries by name
     """
 
-    extra: Mapping[str, Any]
+    extra: PlainMapping
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> Plain:
         entries = self.__dict__.get("extra", {})
         if name not in entries:
             raise AttributeError(f"the result has no '{name}'")

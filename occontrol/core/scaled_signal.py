@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import singledispatch
-from typing import Any
 
 import numpy as np
 
+from occontrol.core.kinds import Plain
 from occontrol.core.signal import ConstantSignal, ExpressionSignal, Signal, TableSignal
 
 
@@ -46,7 +46,7 @@ class ScaledSignal(Signal):
         """The scaled (K, rows, columns) matrices at `times` (K,), in the unit of time."""
         return self.inner.sample(times) * self.factor
 
-    def document(self) -> Any:
+    def document(self) -> Plain:
         raise NotImplementedError("a signal in scaled units stands in no problem file")
 
 
@@ -59,7 +59,7 @@ class ScaledExpression(ExpressionSignal):
     factor : (rows, columns), scaled units over those of the signal
     """
 
-    factor: Any = 1.0
+    factor: float | np.ndarray = 1.0
 
     def sample(self, times: np.ndarray) -> np.ndarray:
         """The scaled (K, rows, columns) matrices at `times` (K,), in the unit of time."""
@@ -68,7 +68,7 @@ class ScaledExpression(ExpressionSignal):
     def __getstate__(self) -> dict:
         return {**super().__getstate__(), "factor": self.factor}
 
-    def document(self) -> Any:
+    def document(self) -> Plain:
         raise NotImplementedError("a signal in scaled units stands in no problem file")
 
 

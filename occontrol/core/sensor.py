@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol, TypeVar, overload
 
 import numpy as np
 
 from occontrol.core.clock import resolution, tolerance
 from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.kinds import SignalField, unless_given
 from occontrol.core.signal import ConstantSignal, Signal, as_signal
 
 IDLE = "idle"
 
 
-def check_name(name: Any, found: Collector) -> None:
+def check_name(name: object, found: Collector) -> None:
     """A sensor's name stands in CSV files and messages: printable, without ';' and ','."""
     if not isinstance(name, str) or not name.strip() or name != name.strip():
         found.add(("name",), f"the name of a sensor is {name!r}", "a word or words, without blanks at the ends")
@@ -47,9 +48,9 @@ class Sensor:
     """
 
     name: str
-    C: Any
-    noise: Any
-    cost: Any = 0.0
+    C: SignalField
+    noise: SignalField
+    cost: SignalField = unless_given(0.0)
     windows: Sequence[tuple[float, float]] | None = None
     variable: str = "t"
 
@@ -151,11 +152,23 @@ def idle_sensor(states: int) -> Sensor:
     return Sensor(IDLE, ConstantSignal(np.zeros((0, states))), ConstantSignal(np.zeros((0, 0))))
 
 
+class Named(Protocol):
+    """What has a name of the user's."""
+
+    @property
+    def name(self) -> str:
+        """What the user calls it."""
+        ...
+
+
+SensorKind = TypeVar("SensorKind", bound=Named)
+
+
 @dataclass(frozen=True, eq=False)
-class SensorSuite(Sequence):
+class SensorSuite(Sequence[SensorKind]):
     """The sensors that one problem chooses among, in the user's order."""
 
-    sensors: tuple[Sensor, ...]
+    sensors: tuple[SensorKind, ...]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sensors", tuple(self.sensors))
@@ -175,10 +188,14 @@ class SensorSuite(Sequence):
     def __len__(self) -> int:
         return len(self.sensors)
 
-    def __getitem__(self, index):  # type: ignore[override]
+    @overload
+    def __getitem__(self, index: int) -> SensorKind: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[SensorKind]: ...
+    def __getitem__(self, index: int | slice) -> SensorKind | Sequence[SensorKind]:
         return self.sensors[index]
 
-    def __iter__(self) -> Iterator[Sensor]:
+    def __iter__(self) -> Iterator[SensorKind]:
         return iter(self.sensors)
 
     @property

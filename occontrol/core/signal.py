@@ -15,6 +15,7 @@ import numpy as np
 from occontrol.core.clock import tolerance
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.expression import parse_expression
+from occontrol.core.kinds import CasadiFunction, MatrixLike, Plain
 from occontrol.core.poles import find_pole
 
 
@@ -37,7 +38,7 @@ class Signal:
         """Times at which the signal, or its slope, may jump."""
         return np.empty(0)
 
-    def document(self) -> Any:
+    def document(self) -> Plain:
         """What stands for this signal in a problem file."""
         raise NotImplementedError
 
@@ -60,7 +61,7 @@ class ConstantSignal(Signal):
         """The same matrix, (K, rows, columns), for each of `times` (K,), in the unit of time."""
         return np.broadcast_to(self.value, (len(times), *self.value.shape))
 
-    def document(self) -> Any:
+    def document(self) -> Plain:
         return self.value.tolist()
 
 
@@ -88,7 +89,7 @@ class ExpressionSignal(Signal):
         return len(self.entries), len(self.entries[0]) if self.entries else 0
 
     @cached_property
-    def _function(self) -> Any:
+    def _function(self) -> CasadiFunction:
         import casadi
 
         symbol = casadi.SX.sym(self.variable)
@@ -126,7 +127,7 @@ class ExpressionSignal(Signal):
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
 
-    def document(self) -> Any:
+    def document(self) -> Plain:
         return [list(row) for row in self.entries]
 
 
@@ -192,11 +193,11 @@ class TableSignal(Signal):
         flat = self._flat[left] * (1 - share) + self._flat[left + 1] * share
         return flat.reshape(len(t), *self.shape)
 
-    def document(self) -> Any:
+    def document(self) -> Plain:
         return {"times": self.times.tolist(), "values": self.values.tolist(), "interpolation": self.interpolation}
 
 
-def as_signal(value: Any, variable: str = "t") -> Signal:
+def as_signal(value: MatrixLike, variable: str = "t") -> Signal:
     """A Signal from a number, a formula, a nested list, an array, or a Signal.
 
     A number or a single formula is 1x1. A flat list is refused: it could be a row or a column.

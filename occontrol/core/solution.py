@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from occontrol.core import stopwatch
+from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.monitor import Monitor
+from occontrol.core.problem import BaseProblem
 from occontrol.core.result import PlainResult, ResultData
 from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
@@ -151,11 +153,11 @@ class Solution:
     problem: Any = field(default=None, repr=False)
 
     @cached_property
-    def result(self) -> Mapping[str, Any]:
+    def result(self) -> PlainMapping:
         """What result.json holds of the family's numbers, by name and read-only: solution.result["cost"]."""
         return MappingProxyType(self.numbers.as_dict())
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> PlainDict:
         return {name: value for name, value in self.__dict__.items() if name != "result"}  # a view does not pickle
 
     @property
@@ -168,7 +170,7 @@ class Solution:
         """The cost of the discretised problem; AttributeError for families whose result has none."""
         return float(self.numbers.cost)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> PlainDict:
         """The content of result.json."""
         return {
             "family": self.family,
@@ -185,7 +187,7 @@ class Solution:
 
 def make_solution(
     *,
-    problem: Any,
+    problem: BaseProblem,
     method: str,
     status: Status,
     message: str,
@@ -242,3 +244,16 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[name] = "not installed"
     return found
+
+
+class Tradeoff(Protocol):
+    """The front of observation cost against prediction error, one solution for each cost weight."""
+
+    @property
+    def status(self) -> Status:
+        """How the tracing ended."""
+        ...
+
+    def as_dict(self) -> PlainDict:
+        """The content of tradeoff.json."""
+        ...

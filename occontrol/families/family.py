@@ -8,10 +8,16 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
+from typing import TYPE_CHECKING, ClassVar, NoReturn, Protocol
 
+from occontrol.core.claims import Claims
 from occontrol.core.errors import Mistake, UsageError
+from occontrol.core.kinds import PlainDict
+from occontrol.core.measurement import OnlineLoop
 from occontrol.core.method import Method, options_in_common
+from occontrol.core.problem import BaseProblem
+from occontrol.core.solution import Tradeoff
+from occontrol.core.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,15 +73,15 @@ class Family(Protocol):
 
     # ---- every family
 
-    def solve(self, problem: Any, method: Any, monitor: Monitor) -> Solution:
+    def solve(self, problem: BaseProblem, method: Method, monitor: Monitor) -> Solution:
         """Solve `problem` with `method`, an object of one of `methods`, under the eyes of `monitor`."""
         ...
 
-    def describe(self, problem: Any) -> list[tuple[str, str]]:
+    def describe(self, problem: BaseProblem) -> list[tuple[str, str]]:
         """(label, text) lines that `check` prints."""
         ...
 
-    def summarise(self, problem: Any, solution: Solution) -> list[tuple[str, str]]:
+    def summarise(self, problem: BaseProblem, solution: Solution) -> list[tuple[str, str]]:
         """(label, text) lines that the command line and the report print after a solve."""
         ...
 
@@ -83,53 +89,53 @@ class Family(Protocol):
         """The module with `Document` (pydantic), `build(document, context)` and `document(problem)`."""
         ...
 
-    def figures(self, problem: Any, solution: Solution) -> dict[str, Figure]:
+    def figures(self, problem: BaseProblem, solution: Solution) -> dict[str, Figure]:
         """Every figure of a solution by name, the most telling first."""
         ...
 
-    def compare_figure(self, problem: Any, solutions: Mapping[str, Solution]) -> Figure | None:
+    def compare_figure(self, problem: BaseProblem, solutions: Mapping[str, Solution]) -> Figure | None:
         """One figure of several solutions by method name, or None."""
         return None
 
     def estimate_figures(
-        self, problem: Any, solution: Solution, estimate: Estimate, truth: Any = None
+        self, problem: BaseProblem, solution: Solution, estimate: Estimate, truth: Trajectory | None = None
     ) -> dict[str, Figure]:
         """The figures of an estimate by name."""
         from occontrol.files.figures.estimates import draw
 
         return draw(problem, solution, estimate, truth)
 
-    def method_named(self, problem: Any, name: str) -> Method | None:
+    def method_named(self, problem: BaseProblem, name: str) -> Method | None:
         """The method that carries an argument in its name, such as fixed:radar; None for any other name."""
         return None
 
-    def compare_names(self, problem: Any) -> list[str]:
+    def compare_names(self, problem: BaseProblem) -> list[str]:
         """The method names that `compare` runs on `problem` when none are given."""
         return list(self.compared)
 
-    def require_feasible(self, problem: Any) -> None:
+    def require_feasible(self, problem: BaseProblem) -> None:
         """Raise InfeasibleError where it can be seen without solving that no schedule exists."""
         return None
 
-    def warnings(self, problem: Any) -> list[Mistake]:
+    def warnings(self, problem: BaseProblem) -> list[Mistake]:
         """What `problem` says that is allowed and hardly meant, with paths in its document."""
         return []
 
-    def mistakes(self, problem: Any, method: Any) -> list[Mistake]:
+    def mistakes(self, problem: BaseProblem, method: Method) -> list[Mistake]:
         """What is wrong with the options of `method` for `problem`, paths below the problem; nothing is solved."""
         return [mistake.under("method") for mistake in method.check(problem) or ()]
 
-    def truth_remark(self, estimate: Estimate, truth: Any, source: Any) -> str:
+    def truth_remark(self, estimate: Estimate, truth: Trajectory | None, source: object) -> str:
         """One sentence on an estimate beside the true states; `source` is the file they came from."""
         from occontrol.files.figures.estimates import truth_remark
 
         return truth_remark(estimate, truth, source)
 
-    def filter_tables(self, problem: Any, solution: Solution) -> dict[str, Any]:
+    def filter_tables(self, problem: BaseProblem, solution: Solution) -> PlainDict:
         """Arrays {name: array} from which another program runs the filter; empty where there are none."""
         return {}
 
-    def converted(self, problem: Any, family: str) -> tuple[dict[str, Any], list[str]]:
+    def converted(self, problem: BaseProblem, family: str) -> tuple[PlainDict, list[str]]:
         """The problem as a document of another family, and sentences on what is left behind.
 
         Parameters
@@ -143,33 +149,37 @@ class Family(Protocol):
 
     # ---- what `abilities` declares
 
-    def certify(self, problem: Any, schedule: Schedule, claims: Any = None) -> Solution:
+    def certify(self, problem: BaseProblem, schedule: Schedule, claims: Claims | None = None) -> Solution:
         """Cost, lower bound and gap of anybody's schedule."""
         self._cannot(Ability.CERTIFY)
 
-    def claims_of(self, problem: Any, solution: Solution) -> Any:
+    def claims_of(self, problem: BaseProblem, solution: Solution) -> Claims | None:
         """What a run says of its schedule, for `certify` to check; None where it says nothing."""
         return None
 
-    def simulate(self, problem: Any, solution: Solution | None, seed: int) -> tuple[list[Measurement], Any]:
+    def simulate(
+        self, problem: BaseProblem, solution: Solution | None, seed: int
+    ) -> tuple[list[Measurement], Trajectory]:
         """A true trajectory and what the scheduled sensors report of it."""
         self._cannot(Ability.SIMULATE)
 
     def run_filter(
-        self, problem: Any, solution: Solution, measurements: Sequence[Measurement], **options: Any
+        self, problem: BaseProblem, solution: Solution, measurements: Sequence[Measurement], **options: object
     ) -> Estimate:
         """The estimate that the schedule's filter makes of measurements."""
         self._cannot(Ability.FILTER)
 
-    def online(self, problem: Any, solution: Solution | None = None, method: Any = None) -> Any:
+    def online(
+        self, problem: BaseProblem, solution: Solution | None = None, method: Method | None = None
+    ) -> OnlineLoop:
         """The object for a loop on a target: `step(measurements) -> Step` (core/measurement.py)."""
         self._cannot(Ability.ONLINE)
 
-    def tradeoff(self, problem: Any, cost_weights: Sequence[float], monitor: Monitor) -> Any:
+    def tradeoff(self, problem: BaseProblem, cost_weights: Sequence[float], monitor: Monitor) -> Tradeoff:
         """The certified front of observation cost against prediction error."""
         self._cannot(Ability.TRADEOFF)
 
-    def write_tradeoff(self, folder: Path, front: Any, figures: bool = True) -> list[Path]:
+    def write_tradeoff(self, folder: Path, front: Tradeoff, figures: bool = True) -> list[Path]:
         """Write what `tradeoff` returned to a folder, with pictures if `figures`; the files written."""
         self._cannot(Ability.TRADEOFF)
 
@@ -182,11 +192,11 @@ class Family(Protocol):
     def _cannot(self, ability: Ability) -> NoReturn:
         raise UsageError(f"family {self.name} cannot {ability}")
 
-    def default_method(self) -> Any:
+    def default_method(self) -> Method:
         """The first of `methods` with its default options."""
         return next(iter(self.methods.values()))()
 
-    def choose(self, problem: Any, method: Any = None) -> Any:
+    def choose(self, problem: BaseProblem, method: Method | str | None = None) -> Method:
         """The method object to run: the given one, the one of that name, the problem's own, or the default.
 
         Options that the problem states for its own method and that a named one has too, such as relative_gap, are
@@ -218,7 +228,7 @@ class Family(Protocol):
         return f"there are: {', '.join(self.methods)}; in Python occontrol.{self.name}.{made}"
 
 
-def _described(method: Any) -> str:
+def _described(method: Method) -> str:
     """What a caller gave as a method: "Random of family athans", or its type."""
     kind = method if isinstance(method, type) else type(method)
     home = kind.__module__.split(".")

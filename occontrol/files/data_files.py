@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import Collector, FileAccessError, Mistake, ProblemError, one_per_cause, suggest
 from occontrol.core.measurement import Measurement
+from occontrol.core.problem import BaseProblem
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.files.positions import Text, in_order
@@ -25,7 +25,9 @@ from occontrol.files.spreadsheet import from_text
 MAX_BYTES = 64 * 2**20
 
 
-def read_schedule(path: str | Path, problem: Any, read_run: Callable[[Path], tuple[Any, Solution]]) -> Schedule:
+def read_schedule(
+    path: str | Path, problem: BaseProblem, read_run: Callable[[Path], tuple[BaseProblem, Solution]]
+) -> Schedule:
     """A schedule that anyone wrote, on the grid of `problem` refined where the schedule switches.
 
     Parameters
@@ -53,7 +55,7 @@ def read_schedule(path: str | Path, problem: Any, read_run: Callable[[Path], tup
     return schedule_of(segments, problem, str(path))
 
 
-def read_measurements(path: str | Path, problem: Any = None) -> list[Measurement]:
+def read_measurements(path: str | Path, problem: BaseProblem = None) -> list[Measurement]:
     """The samples of a measurement file, in the order of time.
 
     Parameters
@@ -107,7 +109,7 @@ def read_measurements(path: str | Path, problem: Any = None) -> list[Measurement
     return sorted(samples, key=lambda m: m.time)
 
 
-def _sizes(problem: Any) -> dict[str, int | None] | None:
+def _sizes(problem: BaseProblem) -> dict[str, int | None] | None:
     """The number of values of each sensor of a problem."""
     sensors = getattr(problem, "sensors", None)
     if sensors is None:
@@ -119,16 +121,17 @@ def _used(fields: list[str]) -> int:
     return max((i + 1 for i, field in enumerate(fields) if field), default=0)
 
 
-def _from_run(
-    folder: Path, read_run: Callable[[Path], tuple[Any, Solution]], instants: bool
-) -> list[Segment]:
+def _from_run(folder: Path, read_run: Callable[[Path], tuple[BaseProblem, Solution]], instants: bool) -> list[Segment]:
     _, solution = read_run(folder)
     schedule = solution.schedule
     if schedule is None:
         raise _wrong(str(folder), "the run folder holds no schedule")
     return [
         Segment(
-            float(a), float(a if instants else b), schedule.names, tuple(map(float, v)),
+            float(a),
+            float(a if instants else b),
+            schedule.names,
+            tuple(map(float, v)),
             partial("{}: interval {}".format, folder, k + 1),
         )
         for k, ((a, b), v) in enumerate(zip(pairwise(schedule.edges), schedule.weights, strict=True))
@@ -200,7 +203,7 @@ def _from_steps(data: list, end: float | None) -> list:
     return [{"start": item["k"], "end": last, **item} for item, last in zip(data, ends, strict=True)]
 
 
-def _json_segment(item: Any, path: tuple, text: Text, found: Collector) -> Segment | None:
+def _json_segment(item: object, path: tuple, text: Text, found: Collector) -> Segment | None:
     from occontrol.files.schema.words import shown
 
     if not isinstance(item, dict):
@@ -234,7 +237,7 @@ def _json_segment(item: Any, path: tuple, text: Text, found: Collector) -> Segme
     return Segment(float(item["start"]), float(item["end"]), tuple(names), shares, place)
 
 
-def _finite(value: Any) -> bool:
+def _finite(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 

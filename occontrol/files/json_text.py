@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from typing import Any
 
 from occontrol.core.errors import Mistake
+from occontrol.core.kinds import Plain
 from occontrol.files.positions import MAX_DEPTH, Place, Text, at, number
 
 LOOKED_AT = 8 * 2**20  # characters; in a larger file every mistake is said to be at its beginning
@@ -17,7 +17,7 @@ def read_json(source: str, file: str) -> Text:
     text = Text(file, None, lambda: _places(source, file)[0])
     repeated = False
 
-    def pairs(items: list[tuple[str, Any]]) -> dict:
+    def pairs(items: list[tuple[str, Plain]]) -> dict:
         nonlocal repeated
         result = dict(items)
         repeated |= len(result) < len(items)

@@ -7,14 +7,14 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.kinds import Plain
 
 
-def plain(value: Any) -> Any:
+def plain(value: object) -> Plain:
     """The same value made of dict, list, str, int, float, bool and None.
 
     Parameters
@@ -42,7 +42,7 @@ def plain(value: Any) -> Any:
     raise TypeError(f"cannot write a {type(value).__name__} as JSON")
 
 
-def to_json(value: Any, ascii_only: bool = False) -> str:
+def to_json(value: object, ascii_only: bool = False) -> str:
     """JSON text that reads back to the identical numbers.
 
     Parameters
@@ -53,7 +53,7 @@ def to_json(value: Any, ascii_only: bool = False) -> str:
     return json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=ascii_only) + "\n"
 
 
-def load_json(path: Path) -> Any:
+def load_json(path: Path) -> Plain:
     """The content of a JSON file that this program wrote.
 
     Parameters
@@ -65,7 +65,7 @@ def load_json(path: Path) -> Any:
     return parse_json(path.read_bytes(), path)
 
 
-def parse_json(content: bytes, place: Path) -> Any:
+def parse_json(content: bytes, place: Path) -> Plain:
     """The value of JSON text; NaN and infinities are not JSON numbers, whole numbers of many digits become floats.
 
     Parameters

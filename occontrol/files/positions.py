@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TypeAlias
 
 from occontrol.core.errors import Mistake, Path, ProblemError
+from occontrol.core.kinds import Plain
 
 MAX_DEPTH = 40
+Inside: TypeAlias = "dict[str | int, Place] | list[Place] | None"
 MOST_MISTAKES = 50  # mistakes reported at once
 
 
@@ -20,7 +22,7 @@ class Place:
     line: int
     column: int
     key: tuple[int, int] | None = None
-    inside: Any = None  # dict of Place, list of Place, or None
+    inside: Inside = None  # dict of Place, list of Place, or None
 
 
 @dataclass
@@ -28,7 +30,7 @@ class Text:
     """A problem file: plain data and a way to find places in it."""
 
     file: str
-    data: Any
+    data: Plain
     find_places: Callable[[], Place]
     mistakes: list[Mistake] = field(default_factory=list)
 

@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from occontrol.core.errors import FileAccessError, Mistake, ProblemError
 from occontrol.core.errors import Path as Place
+from occontrol.core.problem import BaseProblem
 from occontrol.files.positions import Text, at
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ class LoadedDocument:
     family: str
     schema: ModuleType
 
-    def build(self, check: Callable[[Any], list[Mistake]] | None = None) -> Any:
+    def build(self, check: Callable[[BaseProblem], list[Mistake]] | None = None) -> BaseProblem:
         """The family's problem; ProblemError with every mistake, those of `check` too, and its place."""
         from occontrol.files.schema.common import Context, validate
 

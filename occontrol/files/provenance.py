@@ -7,13 +7,14 @@ import platform
 import sys
 import time
 from datetime import UTC, datetime
-from typing import Any
+
+from occontrol.core.kinds import PlainDict
 
 STARTED = time.time()
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-def provenance() -> dict[str, Any]:
+def provenance() -> PlainDict:
     """The content of provenance.json but for the digests of its files; times are UTC."""
     return {
         "machine": {

@@ -9,12 +9,12 @@ import enum
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from occontrol.core.errors import FileAccessError, ProblemError
+from occontrol.core.kinds import Plain, PlainDict, PlainMapping
 from occontrol.core.solution import Status
 from occontrol.files.plain_json import parse_json, plain
 from occontrol.files.run_read import in_one_piece, open_file
@@ -33,7 +33,7 @@ class Place(enum.Enum):
     NOWHERE = "nowhere"
 
 
-def problem_digest(document: Mapping[str, Any]) -> str:
+def problem_digest(document: PlainMapping) -> str:
     """The digest of what a problem asks; how it is named and solved does not matter.
 
     Parameters
@@ -45,7 +45,7 @@ def problem_digest(document: Mapping[str, Any]) -> str:
     return "sha256:" + hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def same_problem(posed: Mapping[str, Any], solved: Mapping[str, Any], digest: str | None = None) -> bool:
+def same_problem(posed: PlainMapping, solved: PlainMapping, digest: str | None = None) -> bool:
     """Whether a run that solved the one problem answers the other; how they are named and solved does not matter.
 
     A solver may add edges to the horizon. Then the run records the digest of the problem as it was posed. The record
@@ -65,17 +65,17 @@ def same_problem(posed: Mapping[str, Any], solved: Mapping[str, Any], digest: st
     return problem_digest(_without_edges(posed)) == problem_digest(_without_edges(solved))
 
 
-def _edges(document: Mapping[str, Any]) -> list[float]:
+def _edges(document: PlainMapping) -> list[float]:
     horizon = document.get("horizon", {})
     return next((horizon[key] for key in _EDGES if key in horizon), [])
 
 
-def _without_edges(document: Mapping[str, Any]) -> dict[str, Any]:
+def _without_edges(document: PlainMapping) -> PlainDict:
     horizon = {key: value for key, value in document.get("horizon", {}).items() if key not in _EDGES}
     return {**document, "horizon": horizon}
 
 
-def place_for(folder: Path, content: Mapping[str, Any]) -> tuple[Place, str]:
+def place_for(folder: Path, content: PlainMapping) -> tuple[Place, str]:
     """Where a result goes, and in words why it does not go to `folder` itself.
 
     Parameters
@@ -101,7 +101,7 @@ def place_for(folder: Path, content: Mapping[str, Any]) -> tuple[Place, str]:
     return Place.INTERRUPTED, why
 
 
-def ends_interruption(folder: Path, content: Mapping[str, Any]) -> bool:
+def ends_interruption(folder: Path, content: PlainMapping) -> bool:
     """Whether a result that goes to `folder` makes the one in DIR/interrupted useless.
 
     Parameters
@@ -115,7 +115,7 @@ def ends_interruption(folder: Path, content: Mapping[str, Any]) -> bool:
     return not unfinished(content) or _gap(content) <= _gap(aside)
 
 
-def unfinished(content: Mapping[str, Any]) -> bool:
+def unfinished(content: PlainMapping) -> bool:
     """Whether the solve ended before its time.
 
     Parameters
@@ -125,7 +125,7 @@ def unfinished(content: Mapping[str, Any]) -> bool:
     return content.get("status") in UNFINISHED
 
 
-def recorded_result(folder: Path) -> dict[str, Any] | None:
+def recorded_result(folder: Path) -> PlainDict | None:
     """The content of a folder's result.json; None where there is none that can be read.
 
     Parameters
@@ -133,7 +133,7 @@ def recorded_result(folder: Path) -> dict[str, Any] | None:
     folder : a run folder, or not
     """
 
-    def read(locate: Any) -> Any:
+    def read(locate: Callable[[str], Path]) -> Plain:
         with open_file(locate(RESULT), folder / RESULT) as file:
             return parse_json(file.read(), folder / RESULT)
 
@@ -145,7 +145,7 @@ def recorded_result(folder: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) and content.get("status") in list(Status) else None
 
 
-def _gap(content: Mapping[str, Any]) -> float:
+def _gap(content: PlainMapping) -> float:
     """The relative gap at the top; infinite where nothing is proven."""
     top = content.get("top")
     found = top.get("relative_gap") if isinstance(top, Mapping) else content.get("relative_gap")

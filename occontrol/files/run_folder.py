@@ -13,11 +13,13 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import IO
 
 import numpy as np
 
 from occontrol.core.errors import FileAccessError, Mistake, ProblemError
+from occontrol.core.kinds import Plain, PlainDict, PlainMapping
+from occontrol.core.problem import BaseProblem
 from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status
@@ -50,17 +52,17 @@ class Placed:
     remark : why it is not in DIR, or empty
     """
 
-    content: dict[str, Any]
+    content: PlainDict
     folder: Path | None
     remark: str = ""
 
 
 def write_run(
     folder: str | Path,
-    document: Mapping[str, Any],
+    document: PlainMapping,
     solution: Solution,
     extras: Callable[[Path, dict], None] | None = None,
-) -> dict[str, Any]:
+) -> PlainDict:
     """Write a run folder and return the content of its result.json.
 
     Parameters
@@ -78,10 +80,10 @@ def write_run(
 
 def place_run(
     folder: str | Path,
-    document: Mapping[str, Any],
+    document: PlainMapping,
     solution: Solution,
     extras: Callable[[Path, dict], None] | None = None,
-    asked: Mapping[str, Any] | None = None,
+    asked: PlainMapping | None = None,
 ) -> Placed:
     """Like `write_run`; says where the result went.
 
@@ -114,9 +116,9 @@ def place_run(
 
 def _write(
     folder: Path,
-    document: Mapping[str, Any],
+    document: PlainMapping,
     solution: Solution,
-    content: dict[str, Any],
+    content: PlainDict,
     extras: Callable[[Path, dict], None] | None,
 ) -> None:
     with staged(folder) as stage:
@@ -145,7 +147,7 @@ def _digest(content: bytes) -> str:
     return "sha256:" + hashlib.sha256(content).hexdigest()
 
 
-def read_run(folder: str | Path, read_problem: Callable[[Path], Any]) -> tuple[Any, Solution]:
+def read_run(folder: str | Path, read_problem: Callable[[Path], BaseProblem]) -> tuple[BaseProblem, Solution]:
     """The problem and the Solution of the run folder `folder`; its numbers are a PlainResult, entry by entry.
 
     Parameters
@@ -163,7 +165,9 @@ def read_run(folder: str | Path, read_problem: Callable[[Path], Any]) -> tuple[A
         raise FileAccessError(f"cannot read {folder}: {error.strerror or error}") from error
 
 
-def _read(folder: Path, locate: Callable[[str], Path], read_problem: Callable[[Path], Any]) -> tuple[Any, Solution]:
+def _read(
+    folder: Path, locate: Callable[[str], Path], read_problem: Callable[[Path], BaseProblem]
+) -> tuple[BaseProblem, Solution]:
     shown = {name: folder / name for name in (RESULT, PROBLEM, ARRAYS)}
     paths = {name: locate(name) for name in shown}
     with open_file(paths[RESULT], shown[RESULT]) as file:
@@ -191,18 +195,18 @@ def _read(folder: Path, locate: Callable[[str], Path], read_problem: Callable[[P
     return problem, _solution(problem, content, arrays, shown[RESULT])
 
 
-def _columns(schedule: Any) -> list[Any]:
+def _columns(schedule: Plain) -> list[str]:
     records = schedule if isinstance(schedule, list) else []
     return list(dict.fromkeys(key for record in records if isinstance(record, dict) for key in record))
 
 
-def _must_belong(file: Any, name: str, recorded: dict, place: Path) -> None:
+def _must_belong(file: IO[bytes], name: str, recorded: dict, place: Path) -> None:
     if recorded.get(name) != "sha256:" + hashlib.file_digest(file, "sha256").hexdigest():
         what = f"{name} is damaged, or does not belong to the result.json beside it"
         raise ProblemError(Mistake((), what, "solve again", place=str(place)))
 
 
-def _solution(problem: Any, content: dict, arrays: dict[str, np.ndarray], path: Path) -> Solution:
+def _solution(problem: BaseProblem, content: dict, arrays: dict[str, np.ndarray], path: Path) -> Solution:
     result = {key: value for key, value in content.items() if key not in _OWN_KEYS}
     certificate = None
     numbers = [result.get("cost"), result.get("lower_bound")]

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from occontrol.core.errors import FileAccessError, Mistake, ProblemError
+from occontrol.core.kinds import PlainDict
 from occontrol.files.plain_json import parse_json
 from occontrol.files.run_read import in_one_piece, open_file
 from occontrol.files.run_record import PROVENANCE, RESULT
 
 
-def shown_run(folder: str | Path) -> tuple[dict[str, Any], dict[str, Any] | None]:
+def shown_run(folder: str | Path) -> tuple[PlainDict, PlainDict | None]:
     """The content of result.json, and that of provenance.json where there is one.
 
     Parameters
@@ -23,7 +23,7 @@ def shown_run(folder: str | Path) -> tuple[dict[str, Any], dict[str, Any] | None
     """
     folder = Path(folder)
 
-    def read(locate: Callable[[str], Path]) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    def read(locate: Callable[[str], Path]) -> tuple[PlainDict, PlainDict | None]:
         result = _record(locate(RESULT), folder / RESULT)
         if any(key not in result for key in ("family", "status", "method")):
             what = "not the result of a run: family, status or method is missing"
@@ -37,7 +37,7 @@ def shown_run(folder: str | Path) -> tuple[dict[str, Any], dict[str, Any] | None
         raise FileAccessError(f"cannot read {folder}: {error.strerror or error}") from error
 
 
-def _record(path: Path, place: Path) -> dict[str, Any]:
+def _record(path: Path, place: Path) -> PlainDict:
     with open_file(path, place) as file:
         content = parse_json(file.read(), place)
     if not isinstance(content, dict):

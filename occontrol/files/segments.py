@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TypeGuard
 
 import numpy as np
 
 from occontrol.core.clock import resolution
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural, suggest
+from occontrol.core.problem import BaseProblem, ProblemOfReadings
 from occontrol.core.reading_schedule import Reading, readings_of
 from occontrol.core.schedule import INTEGER, Schedule, snap
 from occontrol.core.sensor import IDLE
@@ -31,7 +32,7 @@ class Segment:
     place: Callable[[], str]
 
 
-def schedule_of(segments: Sequence[Segment], problem: Any, file: str) -> Schedule:
+def schedule_of(segments: Sequence[Segment], problem: BaseProblem, file: str) -> Schedule:
     """The schedule on the union of the problem's edges and the times at which it switches.
 
     Parameters
@@ -62,7 +63,7 @@ def schedule_of(segments: Sequence[Segment], problem: Any, file: str) -> Schedul
     return Schedule(edges, given.on_grid(edges, names), names)
 
 
-def as_read(schedule: Schedule, problem: Any) -> Schedule:
+def as_read(schedule: Schedule, problem: BaseProblem) -> Schedule:
     """A schedule made in Python, judged as the reader judges one in a file: the same rules in the same words,
     with the times in place of file and line.
 
@@ -92,12 +93,12 @@ def as_read(schedule: Schedule, problem: Any) -> Schedule:
     return schedule_of(segments, problem, "")
 
 
-def takes_readings(problem: Any) -> bool:
+def takes_readings(problem: BaseProblem) -> TypeGuard[ProblemOfReadings]:
     """Whether a schedule of the problem lists readings at instants instead of segments of time."""
     return bool(getattr(problem, "takes_readings", False))
 
 
-def grid_of(problem: Any) -> np.ndarray:
+def grid_of(problem: BaseProblem) -> np.ndarray:
     """The times at which the problem's sensors may change, with both ends; in discrete time the starts of epochs."""
     edges = getattr(problem, "edges", None)
     return np.asarray(getattr(problem, "starts", ()) if edges is None else edges, dtype=float)
@@ -132,7 +133,7 @@ def _switches(segments: Sequence[Segment], edges: np.ndarray, found: Collector) 
     return switches
 
 
-def _weights(segment: Segment, problem: Any, found: Collector) -> np.ndarray:
+def _weights(segment: Segment, problem: BaseProblem, found: Collector) -> np.ndarray:
     """(M,) weights of one segment; idle fills what is left."""
     names, select = list(problem.sensors.names), int(getattr(problem, "select", 1))
     weights, before = np.zeros(len(names)), len(found.mistakes)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from occontrol.files.atomic import replacing_text
 from occontrol.files.spreadsheet import Numbers, as_text
 
 
-def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
+def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
     """Write a CSV file and return its path; NaN becomes an empty field, names are text to a spreadsheet too.
 
     Parameters
@@ -34,7 +33,7 @@ def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Sequence
     return Path(path)
 
 
-def _field(entry: Any) -> str:
+def _field(entry: object) -> str:
     if isinstance(entry, float | np.floating):
         return repr(float(entry)) if np.isfinite(entry) else ""
     return str(entry) if isinstance(entry, Numbers) else as_text(str(entry))

@@ -8,13 +8,16 @@ is ever constructed but dicts, lists, words and numbers. Scalars follow the core
 from __future__ import annotations
 
 import re
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, TypeAlias
 
 from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.kinds import Plain
 from occontrol.files.number_blocks import DEEPEST, MARK, Block, Shortened, cut
-from occontrol.files.positions import MAX_DEPTH, Place, Text, at, number
+from occontrol.files.positions import MAX_DEPTH, Inside, Place, Text, at, number
 
 MOST_KEYS = 2000
+Event: TypeAlias = Any  # of ruamel.yaml's parser; the kinds share nothing but their marks
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"([-+]?)\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _WORDS = {"": None, "~": None, "null": None, "Null": None, "NULL": None}
@@ -60,22 +63,22 @@ class _Builder:
     def __init__(self, file: str, shortened: Shortened):
         self.file, self.shortened = file, shortened
         self.cut_out: list[tuple[Place, Block]] = []
-        self.data: Any = None
+        self.data: Plain = None
         self.places = Place(1, 1)
         self.mistakes: list[Mistake] = []
         # one frame for each open collection: (data, places, key waiting for its value and the key's place, own place)
-        self.stack: list[list[Any]] = []
+        self.stack: list[list[Plain]] = []
         self.path: list[str | int] = []
         self.documents = 0
 
-    def fail(self, event: Any, what: str, hint: str = "") -> ProblemError:
+    def fail(self, event: Event, what: str, hint: str = "") -> ProblemError:
         return at(self.file, *self.position(event), what, hint)
 
-    def position(self, event: Any) -> tuple[int, int]:
+    def position(self, event: Event) -> tuple[int, int]:
         line, column = event.start_mark.line, event.start_mark.column
         return line + 1, self.shortened.column(line, column) + 1
 
-    def run(self, events: Any) -> Text:
+    def run(self, events: Iterable[Event]) -> Text:
         from ruamel.yaml import events as kinds
 
         for event in events:
@@ -106,7 +109,7 @@ class _Builder:
             place.inside = block.places(place.line, place.column)
         return self.places
 
-    def scalar(self, event: Any) -> None:
+    def scalar(self, event: Event) -> None:
         top = self.stack[-1] if self.stack else None
         if self.shortened.blocks and MARK in event.value:
             self.block(event, top)
@@ -122,7 +125,7 @@ class _Builder:
             return
         self.add(event, _value(event.value) if event.implicit[0] else event.value, None)
 
-    def block(self, event: Any, top: list[Any] | None) -> None:
+    def block(self, event: Event, top: list[Plain] | None) -> None:
         """A mark that stands for a list of numbers, unless it lies in a key or in other words."""
         name = event.value.removeprefix(MARK)
         in_key = top is not None and isinstance(top[0], dict) and top[2] is None
@@ -132,7 +135,7 @@ class _Builder:
         place = self.add(event, block.value, None)[3]
         self.cut_out.append((place, block))
 
-    def add(self, event: Any, value: Any, inside: Any) -> list[Any]:
+    def add(self, event: Event, value: Plain, inside: Inside) -> list[Plain]:
         place = Place(*self.position(event), None, inside)
         if not self.stack:
             self.data, self.places = value, place
@@ -154,7 +157,7 @@ def _short(tag: object) -> str:
     return str(tag).replace("tag:yaml.org,2002:", "!!", 1)
 
 
-def _value(text: str) -> Any:
+def _value(text: str) -> Plain:
     """A plain scalar by the core schema of YAML 1.2."""
     if text in _WORDS:
         return _WORDS[text]

@@ -7,9 +7,13 @@ The factor 2 of the off-diagonal entries lives in `triangle_weights` and nowhere
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
+
+from occontrol.core.kinds import Casadi
+
+ArrayOrCasadi = TypeVar("ArrayOrCasadi", np.ndarray, Casadi)
 
 
 @lru_cache(maxsize=64)
@@ -30,7 +34,7 @@ def triangle_weights(n: int) -> np.ndarray:
     return np.where(rows == columns, 1.0, 2.0)
 
 
-def vech(matrix: Any) -> Any:
+def vech(matrix: ArrayOrCasadi) -> ArrayOrCasadi:
     """Packed lower triangle of symmetric matrices.
 
     Parameters
@@ -49,7 +53,7 @@ def vech(matrix: Any) -> Any:
     return casadi.vertcat(*[matrix[int(i), int(j)] for i, j in zip(rows, columns, strict=True)])
 
 
-def unvech(packed: Any) -> Any:
+def unvech(packed: ArrayOrCasadi) -> ArrayOrCasadi:
     """The symmetric matrix of a packed triangle; the inverse of `vech`.
 
     Parameters

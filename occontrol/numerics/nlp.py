@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from occontrol.core.errors import SolveFailed
+from occontrol.core.kinds import Casadi, CasadiFunction, CasadiSparsity, PlainDict
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
 
@@ -54,16 +55,16 @@ class Program:
     jacobian : CasADi expression (m, n) of dg/dx where its structure is known; otherwise CasADi finds it
     """
 
-    variables: Any
-    objective: Any
-    constraints: Any
+    variables: Casadi
+    objective: Casadi
+    constraints: Casadi
     lower: np.ndarray
     upper: np.ndarray
     g_lower: np.ndarray
     g_upper: np.ndarray
     spell: Callable[[int], str] = field(default=lambda row: f"constraint {row}")
     unit: float = 1.0
-    jacobian: Any = None
+    jacobian: Casadi | None = None
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class IpoptOptions:
     max_iterations: int = 300
     tolerance: float = 1e-8
     feasible: float = 1e-6
-    more: tuple[tuple[str, Any], ...] = ()
+    more: tuple[tuple[str, str | float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +122,7 @@ def solve_nlp(program: Program, start: np.ndarray, options: IpoptOptions, monito
     import casadi
 
     watcher = _watcher(program, options, monitor)
-    settings: dict[str, Any] = {
+    settings: PlainDict = {
         "ipopt.print_level": 0,
         "ipopt.sb": "yes",
         "ipopt.max_iter": options.max_iterations,
@@ -165,7 +166,7 @@ def solve_nlp(program: Program, start: np.ndarray, options: IpoptOptions, monito
     return NlpOutcome(x, multipliers, objective, violation, watcher.iteration, status, message, native)
 
 
-def check_start(program: Program, solver: Any, start: np.ndarray) -> None:
+def check_start(program: Program, solver: CasadiFunction, start: np.ndarray) -> None:
     """Evaluate the functions that Ipopt will call; raise SolveFailed naming what is not finite at the start.
 
     `start` (variables,).
@@ -210,7 +211,7 @@ def _watcher(program: Program, options: IpoptOptions, monitor: Monitor) -> Any:
         def get_name_in(self, i: int) -> str:
             return casadi.nlpsol_out(i)
 
-        def get_sparsity_in(self, i: int) -> Any:
+        def get_sparsity_in(self, i: int) -> CasadiSparsity:
             return casadi.Sparsity.dense(sizes[casadi.nlpsol_out(i)], 1)
 
         def eval(self, arguments: list) -> list[int]:
@@ -249,7 +250,7 @@ def interruptible(monitor: Monitor) -> Iterator[None]:
         yield
         return
 
-    def stop(number: int, frame: Any) -> None:
+    def stop(number: int, frame: object) -> None:
         if monitor.interrupted and number == signal.SIGINT:
             raise KeyboardInterrupt
         monitor.interrupted = int(number)

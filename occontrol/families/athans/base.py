@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from collections.abc import Sequence
+from typing import ClassVar
+
+from occontrol.core.kinds import Kept, PlainMapping
+from occontrol.core.method import Method
+from occontrol.core.plant import DiscretePlant, LinearPlant
+from occontrol.core.problem import BaseProblem
+from occontrol.core.sensor import Sensor, SensorSuite
 
 
-class AthansProblem:
+class AthansProblem(BaseProblem):
     """A problem of the family athans.
 
     Attributes
@@ -21,8 +27,8 @@ class AthansProblem:
 
     takes_readings: ClassVar[bool] = False
     name: str
-    plant: Any
-    sensors: Any
+    plant: LinearPlant | DiscretePlant
+    sensors: Kept[Sequence[Sensor], SensorSuite[Sensor]]
     cost_weight: float
-    method: Any
-    expect: Mapping[str, Any] | None
+    method: Method | None
+    expect: PlainMapping | None

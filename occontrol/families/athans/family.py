@@ -6,9 +6,11 @@ Two kinds of problems, one family: each call goes to the half that a problem bel
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core.errors import Mistake
+from occontrol.core.kinds import PlainDict
+from occontrol.core.method import Method
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.rate import RATE, RateFamily
 from occontrol.families.athans.readings.half import READINGS
@@ -35,7 +37,7 @@ class AthansFamily(RateFamily):
     def _half(self, problem: AthansProblem) -> Family:
         return READINGS if problem.takes_readings else RATE
 
-    def solve(self, problem: AthansProblem, method: Any, monitor: Monitor) -> Solution:
+    def solve(self, problem: AthansProblem, method: Method, monitor: Monitor) -> Solution:
         """Run `method` on `problem` and certify what it found; see the two halves for what is raised."""
         return self._half(problem).solve(problem, method, monitor)
 
@@ -74,16 +76,18 @@ class AthansFamily(RateFamily):
         return self._half(problem).simulate(problem, solution, seed)
 
     def run_filter(
-        self, problem: AthansProblem, solution: Solution, measurements: Sequence[Measurement], **options: Any
+        self, problem: AthansProblem, solution: Solution, measurements: Sequence[Measurement], **options: object
     ) -> Estimate:
         """The matched filter along the solution's schedule; options: model and gate."""
         return self._half(problem).run_filter(problem, solution, measurements, **options)
 
-    def online(self, problem: AthansProblem, solution: Solution | None = None, method: Any = None) -> MatchedFilter:
+    def online(
+        self, problem: AthansProblem, solution: Solution | None = None, method: Method | None = None
+    ) -> MatchedFilter:
         """The matched filter for a loop on a target, along the solution's schedule."""
         return self._half(problem).online(problem, solution, method)
 
-    def filter_tables(self, problem: AthansProblem, solution: Solution) -> dict[str, Any]:
+    def filter_tables(self, problem: AthansProblem, solution: Solution) -> PlainDict:
         """The matched filter as plain arrays."""
         return self._half(problem).filter_tables(problem, solution)
 

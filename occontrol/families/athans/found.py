@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from occontrol.core.kinds import PlainDict
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
 
@@ -52,7 +53,7 @@ class Found:
     bound: float = -np.inf
     proves: bool = False
     target: float = 1e-4
-    extra: dict[str, Any] = field(default_factory=dict)
+    extra: PlainDict = field(default_factory=dict)
 
 
 def relax(

@@ -9,22 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
+from occontrol.core.kinds import Casadi, CasadiFunction
+
 
 def hamiltonian(
-    covariance: Any,
-    costate: Any,
-    weights: Any,
-    A: Any,
-    noise: Any,
-    rates: Sequence[Any],
-    costs: Any,
-    cost_weight: Any,
-    running: Any,
-) -> Any:
+    covariance: Casadi,
+    costate: Casadi,
+    weights: Casadi,
+    A: Casadi,
+    noise: Casadi,
+    rates: Sequence[Casadi],
+    costs: Casadi,
+    cost_weight: Casadi,
+    running: Casadi,
+) -> Casadi:
     """The Hamiltonian of the scheduling problem.
 
     H = alpha sum_j q_j v_j + tr(R Sigma) + tr[(A Sigma + Sigma A' + Xi - Sigma (sum_j v_j L_j) Sigma) P']
@@ -53,7 +54,7 @@ def hamiltonian(
 
 
 @lru_cache(maxsize=32)
-def canonical_equations(states: int, sensors: int) -> Any:
+def canonical_equations(states: int, sensors: int) -> CasadiFunction:
     """The canonical equations and the switching functions, from `hamiltonian` by CasADi's AD.
 
     dSigma/dt = dH/dP,   dP/dt = -dH/dSigma,   s_j = dH/dv_j

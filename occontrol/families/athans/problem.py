@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.checks import check_covariance_signal, check_finite, check_shape, looked_at
 from occontrol.core.clock import elapsed, lengths
 from occontrol.core.errors import Collector, Mistake
+from occontrol.core.kinds import Kept, OptionalSignalField, PlainMapping, SignalField, VectorField, unless_given
+from occontrol.core.method import Method
 from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, SensorSuite
 from occontrol.core.signal import Signal, TableSignal, as_signal
@@ -53,16 +54,16 @@ class SchedulingProblem(AthansProblem):
 
     name: str
     plant: LinearPlant
-    sensors: Any
-    edges: Any
-    output: Any
+    sensors: Kept[Sequence[Sensor], SensorSuite[Sensor]]
+    edges: VectorField
+    output: SignalField
     predict_at: float | None = None
     cost_weight: float = 1.0
-    running: Any = None
+    running: OptionalSignalField = unless_given(None)
     select: int = 1
     least: int = 0
-    method: Any = None
-    expect: Mapping[str, Any] | None = None
+    method: Method | None = None
+    expect: PlainMapping | None = None
     integration: Integration = field(default_factory=Integration)
     rules: Constraints | None = None
     minimise: str = "cost"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core import stopwatch
 from occontrol.core.errors import Mistake, SolveFailed, UsageError
+from occontrol.core.kinds import PlainDict
+from occontrol.core.method import Method
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.families.athans.base import AthansProblem
@@ -43,7 +45,7 @@ class RateFamily(Family):
     problem_type: ClassVar[type] = AthansProblem
     result_type: ClassVar[type] = AthansResult
 
-    def solve(self, problem: SchedulingProblem, method: Any, monitor: Monitor) -> Solution:
+    def solve(self, problem: SchedulingProblem, method: Method, monitor: Monitor) -> Solution:
         """Run `method` on the problem's recursion and certify what it found.
 
         The status is certified, feasible, limit, interrupted or disagrees. Raises InfeasibleError when some interval
@@ -143,7 +145,9 @@ class RateFamily(Family):
 
         return run_filter(problem, schedule_of(solution), measurements, model or default_model(solution.result), gate)
 
-    def online(self, problem: SchedulingProblem, solution: Solution | None = None, method: Any = None) -> MatchedFilter:
+    def online(
+        self, problem: SchedulingProblem, solution: Solution | None = None, method: Method | None = None
+    ) -> MatchedFilter:
         """The matched filter for a loop on a target, along the solution's schedule.
 
         Raises UsageError without a solution.
@@ -155,7 +159,7 @@ class RateFamily(Family):
             raise UsageError(f"{what}\n  hint: online(problem, solve(problem))")
         return MatchedFilter(problem, schedule_of(solution))
 
-    def filter_tables(self, problem: SchedulingProblem, solution: Solution) -> dict[str, Any]:
+    def filter_tables(self, problem: SchedulingProblem, solution: Solution) -> PlainDict:
         """The matched filter as plain arrays, see filter/tables.py."""
         from occontrol.families.athans.filter.planned import default_model
         from occontrol.families.athans.filter.tables import filter_tables

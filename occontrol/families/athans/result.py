@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Self
 
+from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.result import ResultData
 
 
@@ -100,20 +101,20 @@ class AthansResult(ResultData):
     readings: int | None = field(metadata={"optional": True})
     integration_steps: int | None = field(metadata={"optional": True})
     integration_error: float | None = field(metadata={"optional": True})
-    added_edges: list[dict[str, Any]] | None = field(metadata={"optional": True})
+    added_edges: list[PlainDict] | None = field(metadata={"optional": True})
     warnings: list[str]
     switches: int
     sweeps: Mapping[str, int]
-    extra: Mapping[str, Any]
-    schedule: list[dict[str, Any]]
+    extra: PlainMapping
+    schedule: list[PlainDict]
     switching_cost: float | None = field(default=None, metadata={"optional": True})
     proven_optimal: bool | None = field(default=None, metadata={"optional": True})
     nodes: int | None = field(default=None, metadata={"optional": True})
-    constraints: Mapping[str, Any] | None = field(default=None, metadata={"optional": True})
+    constraints: PlainMapping | None = field(default=None, metadata={"optional": True})
     multipliers: Mapping[str, float] | None = field(default=None, metadata={"optional": True})
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+    def from_dict(cls, content: PlainMapping) -> Self:
         """The result that a result.json describes; what is not there is None."""
         stated = content.get("continuous")
         continuous = ContinuousNumbers.from_dict(stated) if isinstance(stated, Mapping) else None

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from occontrol.core.clock import tolerance
 from occontrol.core.errors import ProblemError
+from occontrol.core.kinds import PlainDict
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal
 from occontrol.families.athans.growth import beyond_numbers
@@ -103,7 +104,7 @@ class Document(Strict):
 DOCUMENTS = (Document, *READINGS)
 
 
-def model_for(data: Any) -> type[Strict]:
+def model_for(data: object) -> type[Strict]:
     """Which of DOCUMENTS a file is, by its horizon, its plant and `sensing`.
 
     Parameters
@@ -163,7 +164,7 @@ def build(
     return problem
 
 
-def _edges(horizon: Horizon, context: Context) -> Any:
+def _edges(horizon: Horizon, context: Context) -> np.ndarray | list[float] | None:
     """The edges, or None after a mistake."""
     wrong = context.found.add
     if horizon.edges is not None:
@@ -219,14 +220,14 @@ def _sensor(entry: SensorEntry | str, j: int, states: int, context: Context) -> 
     cost = context.signal(entry.cost, "sensors", j, "cost")
     sensor = None
     if C is not None and noise is not None and cost is not None:
-        arguments: dict[str, Any] = {"C": C, "noise": noise, "cost": cost, "windows": entry.windows}
+        arguments: PlainDict = {"C": C, "noise": noise, "cost": cost, "windows": entry.windows}
         sensor = context.attempt(Sensor, "sensors", j, name=entry.name, **arguments)
     return sensor or Sensor(
         f"sensor {j + 1}" if sensor is None else entry.name, np.zeros((0, states)), np.zeros((0, 0))
     )
 
 
-def document(problem: SchedulingProblem | ReadingsProblem) -> dict[str, Any]:
+def document(problem: SchedulingProblem | ReadingsProblem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
     if isinstance(problem, ReadingsProblem):
         return readings.document(problem)
@@ -254,7 +255,7 @@ def document(problem: SchedulingProblem | ReadingsProblem) -> dict[str, Any]:
     return prune(result)
 
 
-def _sensor_document(sensor: Sensor, problem: SchedulingProblem) -> Any:
+def _sensor_document(sensor: Sensor, problem: SchedulingProblem) -> PlainDict | str:
     if sensor.name == IDLE and sensor.is_idle:
         return IDLE
     windows = None if sensor.windows is None else [list(window) for window in sensor.windows]

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, WithJsonSchema
 
 from occontrol.core.errors import Path
+from occontrol.core.kinds import Plain, PlainDict
 from occontrol.core.plant import LinearPlant
 from occontrol.core.signal import ConstantSignal, Signal
 from occontrol.files.schema.common import Context, Entries, Matrix, Strict, Vector, prune
@@ -44,12 +45,12 @@ class Plant(Strict):
     initial: Initial = Field(description="initial: {mean: .., covariance: ..}")
 
 
-def sensor_kind(value: Any) -> str:
+def sensor_kind(value: object) -> str:
     """Which of the two forms an entry of `sensors` has."""
     return "word" if isinstance(value, str) else "sensor"
 
 
-def select_of(value: Any, context: Context) -> int | tuple[int, int] | None:
+def select_of(value: object, context: Context) -> int | tuple[int, int] | None:
     """A number, or (least, most); None after a mistake.
 
     Parameters
@@ -69,14 +70,14 @@ def select_of(value: Any, context: Context) -> int | tuple[int, int] | None:
     return None
 
 
-def _whole(value: Any) -> bool:
+def _whole(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and float(value).is_integer()
 
 
 def plant_of(entry: Plant, context: Context) -> LinearPlant | None:
     """The plant, with stand-ins for wrong parts, which are noted, as long as A can be read."""
     A = context.signal(entry.A, "plant", "A")
-    parts: dict[str, Any] = {
+    parts: PlainDict = {
         "noise": context.signal(entry.noise, "plant", "noise"),
         "covariance": context.constant(entry.initial.covariance, "plant", "initial", "covariance"),
         "mean": None if entry.initial.mean is None else context.vector(entry.initial.mean, "plant", "initial", "mean"),
@@ -110,7 +111,7 @@ def plant_of(entry: Plant, context: Context) -> LinearPlant | None:
     return plant
 
 
-def plant_document(plant: LinearPlant) -> dict[str, Any]:
+def plant_document(plant: LinearPlant) -> PlainDict:
     """The plant as it stands in a problem file."""
     return prune(
         {
@@ -123,11 +124,11 @@ def plant_document(plant: LinearPlant) -> dict[str, Any]:
     )
 
 
-def or_none(signal: Signal | None) -> Any:
+def or_none(signal: Signal | None) -> Plain:
     """What stands for a signal in a problem file; None for none."""
     return None if signal is None else signal.document()
 
 
-def _input(signal: Signal | None) -> Any:
+def _input(signal: Signal | None) -> Plain:
     value = or_none(signal)
     return [row[0] for row in value] if isinstance(value, list) else value

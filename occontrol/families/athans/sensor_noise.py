@@ -1,11 +1,9 @@
 """The noise of a sensor as a problem file states it: an intensity, or the variance of one reading and their spacing.
 
-    Theta = R h      readings of variance R, one every h, tell as much as continuous sensing of intensity Theta
+Theta = R h      readings of variance R, one every h, tell as much as continuous sensing of intensity Theta
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +17,7 @@ EXAMPLE = "noise: [[0.1]], or variance: [[0.5]] with every: 0.2"
 
 
 def sensor_noise(
-    noise: Any, variance: Any, every: float | None, name: str, path: Path, context: Context
+    noise: object, variance: object, every: float | None, name: str, path: Path, context: Context
 ) -> Signal | None:
     """The intensity Theta (m, m); None where there is a mistake, which is noted.
 

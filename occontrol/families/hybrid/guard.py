@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.checks import check_covariance
 from occontrol.core.errors import Mistake, ProblemError, plural, suggest
+from occontrol.core.kinds import ArrayField, VectorField, unless_given
 from occontrol.core.signal import as_signal
 
 MOST_ROWS = 26  # rows of one guard; as many as the lattice rule of the normal probabilities has generators for
@@ -32,8 +32,8 @@ class Guard:
 
     source: str
     target: str
-    L: Any
-    b: Any
+    L: ArrayField
+    b: VectorField
 
     def __post_init__(self) -> None:
         matrix = as_signal(self.L, "k")
@@ -66,8 +66,8 @@ class Threshold:
     Raises ProblemError when they do not fit each other. Liu & Hwang, below equation (4).
     """
 
-    mean: Any = ()
-    covariance: Any = None
+    mean: VectorField = unless_given(())
+    covariance: ArrayField = unless_given(None)
 
     def __post_init__(self) -> None:
         mean = np.atleast_1d(np.asarray(self.mean, dtype=float)).ravel()

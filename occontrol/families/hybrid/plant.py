@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_shape
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural
+from occontrol.core.kinds import (
+    ArrayField,
+    Kept,
+    MatrixLike,
+    OptionalSignalField,
+    SignalField,
+    VectorField,
+    unless_given,
+)
 from occontrol.core.signal import Signal, as_signal
 from occontrol.families.hybrid.guard import Guard, Threshold, check_guards
 from occontrol.families.hybrid.probabilities import check_distribution, check_vector, normalised
@@ -34,11 +42,11 @@ class Mode:
     """
 
     name: str
-    A: Any
-    W: Any
-    F: Any = None
-    B: Any = None
-    input: Any = None
+    A: SignalField
+    W: SignalField
+    F: Kept[MatrixLike | None, Signal] = unless_given(None)
+    B: OptionalSignalField = unless_given(None)
+    input: OptionalSignalField = unless_given(None)
 
     def __post_init__(self) -> None:
         found = Collector()
@@ -101,10 +109,10 @@ class JumpPlant:
     """
 
     modes: Sequence[Mode]
-    covariance: Any
-    mean: Any = None
-    probabilities: Any = None
-    transition_matrix: Any = None
+    covariance: ArrayField
+    mean: VectorField = unless_given(None)
+    probabilities: VectorField = unless_given(None)
+    transition_matrix: Kept[MatrixLike | None, np.ndarray | None] = unless_given(None)
     guards: Sequence[Guard] | None = None
     threshold: Threshold | None = None
 

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_covariance_signal, check_finite, check_shape
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural, suggest
+from occontrol.core.kinds import Kept, MatrixLike, PlainMapping, VectorField, unless_given
+from occontrol.core.problem import BaseProblem
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import TableSignal, as_signal
 from occontrol.families.hybrid.methods import METHODS, GroupMethod
 from occontrol.families.hybrid.plant import JumpPlant
 from occontrol.families.hybrid.probabilities import check_vector
+from occontrol.families.hybrid.sensor import JumpSensor
 
 MOST_STEPS = 1_000_000
 MOST_WORK = 50_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(BaseProblem):
     """At every step choose one group of sensors, read it, and estimate mode and state.
 
     r(k) = sqrt(mean over runs |position error at k|^2),   k = 1 .. steps
@@ -46,18 +48,18 @@ class Problem:
 
     name: str
     plant: JumpPlant
-    sensors: Any
+    sensors: Kept[Sequence[JumpSensor], SensorSuite[JumpSensor]]
     steps: int
     groups: Sequence[Sequence[str]] | None = None
     position_weight: float = 0.0
     position: Sequence[int] | None = None
     runs: int = 100
     seed: int = 1
-    truth_mean: Any = None
-    truth_covariance: Any = None
+    truth_mean: VectorField = unless_given(None)
+    truth_covariance: Kept[MatrixLike | None, np.ndarray | None] = unless_given(None)
     truth_mode: str | None = None
     method: GroupMethod | None = None
-    expect: Mapping[str, Any] | None = None
+    expect: PlainMapping | None = None
     family: str = field(default="hybrid", init=False)
 
     def __post_init__(self) -> None:

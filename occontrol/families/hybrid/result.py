@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Self
 
+from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Solution
 
-_OPTIONAL: Any = {"optional": True}
+_OPTIONAL = {"optional": True}
 
 
 @dataclass(frozen=True)
@@ -64,19 +64,19 @@ class HybridResult(ResultData):
     runs: int
     states: int
     first_scores: dict[str, float]
-    schedule: list[dict[str, Any]]
+    schedule: list[PlainDict]
     sensor: str | None = field(default=None, metadata=_OPTIONAL)
     guard_excess: float | None = field(default=None, metadata=_OPTIONAL)
     guard_error: float | None = field(default=None, metadata=_OPTIONAL)
     candidates: list[Candidate] | None = field(default=None, metadata=_OPTIONAL)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> PlainDict:
         """The family's part of result.json."""
         content = super().as_dict()
         return content | ({"candidates": [c.as_dict() for c in self.candidates]} if self.candidates else {})
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+    def from_dict(cls, content: PlainMapping) -> Self:
         """The result that `content`, the family's part of a result.json, describes."""
         tried = content.get("candidates")
         given = None if tried is None else [Candidate.from_dict(candidate) for candidate in tried]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from occontrol.core import stopwatch
+from occontrol.core.kinds import PlainDict
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status, make_solution
@@ -138,7 +139,7 @@ def _numbers(
 ) -> HybridResult:
     """The numbers; `share` (groups,) of the steps of all runs."""
     guarded = problem.plant.guards is not None
-    summary: dict[str, Any] = dict(summarise_runs(outcomes))
+    summary: PlainDict = dict(summarise_runs(outcomes))
     by_sensor = zip(problem.sensors.names, share @ _members(tried), strict=True)
     return HybridResult(
         **summary,

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, create_model
 
 from occontrol.core.errors import ProblemError
+from occontrol.core.kinds import PlainDict
 from occontrol.families.hybrid.guard import Guard, Threshold
 from occontrol.families.hybrid.methods import METHODS
 from occontrol.families.hybrid.plant import JumpPlant, Mode
@@ -191,14 +192,14 @@ def _mode(entry: ModeEntry, j: int, context: Context) -> Mode | None:
     return context.attempt(Mode, "modes", j, name=entry.name, **read)
 
 
-def _row(value: Any, context: Context) -> np.ndarray | None:
+def _row(value: object, context: Context) -> np.ndarray | None:
     """Numbers and formulas without variables, such as '1/3'."""
     matrix = context.constant([value] if isinstance(value, list) else value, "initial", "probabilities")
     return None if matrix is None else matrix[0]
 
 
-def _transitions(entry: Transition, context: Context) -> dict[str, Any] | None:
-    result: dict[str, Any] = {}
+def _transitions(entry: Transition, context: Context) -> PlainDict | None:
+    result: PlainDict = {}
     # with neither of them the plant complains, unless a mistake in `transition` is known already
     lost = (
         entry.matrix is None
@@ -246,11 +247,11 @@ def _sensor(entry: SensorEntry, j: int, states: int, context: Context) -> JumpSe
     return JumpSensor(entry.name, np.ones((1, states)), np.ones((1, 1)))
 
 
-def document(problem: Problem) -> dict[str, Any]:
+def document(problem: Problem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
     plant = problem.plant
     if plant.guards is None:
-        transition: dict[str, Any] = {"matrix": np.asarray(plant.transition_matrix).tolist()}
+        transition: PlainDict = {"matrix": np.asarray(plant.transition_matrix).tolist()}
     else:
         guards = [
             {"from": guard.source, "to": guard.target, "L": guard.L.tolist(), "b": guard.b.tolist()}
@@ -284,7 +285,7 @@ def document(problem: Problem) -> dict[str, Any]:
     )
 
 
-def _mode_document(mode: Mode) -> dict[str, Any]:
+def _mode_document(mode: Mode) -> PlainDict:
     values = {name: signal.document() for name, signal in mode.signals.items()}
     if isinstance(values.get("input"), list):
         values["input"] = [row[0] for row in values["input"]]

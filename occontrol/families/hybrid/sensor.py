@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural
+from occontrol.core.kinds import SignalField
 from occontrol.core.signal import Signal, as_signal
 
 
@@ -25,8 +25,8 @@ class JumpSensor:
     """
 
     name: str
-    C: Any
-    R: Any
+    C: SignalField
+    R: SignalField
 
     def __post_init__(self) -> None:
         found = Collector()

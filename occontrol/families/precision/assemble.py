@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from occontrol.core import stopwatch
+from occontrol.core.kinds import PlainDict
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
 from occontrol.families.precision.batches import Solved
@@ -132,7 +132,7 @@ def _success(problem: Problem, solved: Sequence[Solved], records: Sequence[Batch
     return message
 
 
-def _totals(finals: Sequence[Outcome], records: Sequence[BatchRecord]) -> tuple[Certificate, dict[str, Any]]:
+def _totals(finals: Sequence[Outcome], records: Sequence[BatchRecord]) -> tuple[Certificate, PlainDict]:
     """Certificate and entries of all batches together."""
     objective = sum(f.objective for f in finals)
     certificate = Certificate(objective, min(sum(_number(r.lower_bound) for r in records), objective))
@@ -191,7 +191,7 @@ def _record(problem: Problem, k: int, solved: Solved, outcomes: Sequence[BatchOu
         status = Status.FEASIBLE  # the bound below is that of all sensors
     moments = outcomes[k].forecast.moments if outcomes else problem.first_moments()
     labels, on = problem.labels(), active(problem.program(moments), final.precisions)
-    against_truth: dict[str, Any] = {}
+    against_truth: PlainDict = {}
     if outcomes:
         outcome = outcomes[k]
         against_truth = {

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core import stopwatch
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.measurement import Estimate, Measurement
+from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
@@ -35,7 +36,7 @@ class Precision(Family):
     problem_type: ClassVar[type] = Problem
     result_type: ClassVar[type] = PrecisionResult
 
-    def solve(self, problem: Problem, method: Any = None, monitor: Monitor | None = None) -> Solution:
+    def solve(self, problem: Problem, method: Method | None = None, monitor: Monitor | None = None) -> Solution:
         """Choose the precisions of every batch and prove how good they are.
 
         Parameters

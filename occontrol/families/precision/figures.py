@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from occontrol.core.kinds import PlainDict
 from occontrol.core.solution import Solution
 from occontrol.families.precision.problem import Problem
 from occontrol.families.precision.result import BatchRecord, PrecisionResult, PruningRecord, numbers_of
@@ -134,7 +135,7 @@ def _map(axes: Axes, problem: Problem, grid: np.ndarray, what: str) -> None:
     log = _scale(grid.ravel()) == "log"
     shown = np.where(grid > 0, grid, np.nan)
     norm = LogNorm(positive.min(), positive.max()) if log else None
-    options: dict[str, Any] = {"norm": norm} if log else {"vmin": 0.0}
+    options: PlainDict = {"norm": norm} if log else {"vmin": 0.0}
     image = axes.imshow(shown.T, aspect="auto", cmap="Blues", interpolation="nearest", **options)
     bar = axes.figure.colorbar(image, ax=axes, pad=0.02)
     bar.set_label(f"{what} (white: not used)")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.expression import parse_expression
+from occontrol.core.kinds import Casadi
 
 
 def unknown_model(kind: str, name: str, known: Sequence[str]) -> Mistake:
@@ -19,7 +19,7 @@ def unknown_model(kind: str, name: str, known: Sequence[str]) -> Mistake:
     return Mistake(("model",), f"unknown {kind} model '{name}'", hint)
 
 
-def check_formulas(entries: Sequence[Any], names: tuple[str, ...], key: str) -> list[Mistake]:
+def check_formulas(entries: Sequence[float | str], names: tuple[str, ...], key: str) -> list[Mistake]:
     """Check a list of numbers and formulas of `names` that stands under `key`."""
     mistakes = []
     for i, entry in enumerate(entries):
@@ -33,7 +33,7 @@ def check_formulas(entries: Sequence[Any], names: tuple[str, ...], key: str) -> 
     return mistakes
 
 
-def stack_formulas(entries: Sequence[Any], names: tuple[str, ...], symbols: dict[str, Any]) -> Any:
+def stack_formulas(entries: Sequence[float | str], names: tuple[str, ...], symbols: dict[str, Casadi]) -> Casadi:
     """The CasADi column of checked formulas."""
     import casadi
 

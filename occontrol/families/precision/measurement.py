@@ -5,25 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import Collector
+from occontrol.core.kinds import Casadi, CasadiFunction
 from occontrol.families.precision.formulas import Compiled, check_formulas, stack_formulas, unknown_model
 
 
-def _sigmoid(x: Any, t: Any) -> Any:
+def _sigmoid(x: Casadi, t: Casadi) -> Casadi:
     """y_i = 1/(1 + exp(-x_i)); Das & Bhattacharya (20)."""
     return 1 / (1 + _exp(-x))
 
 
-def _identity(x: Any, t: Any) -> Any:
+def _identity(x: Casadi, t: Casadi) -> Casadi:
     """y_i = x_i."""
     return x
 
 
-def _exp(x: Any) -> Any:
+def _exp(x: Casadi) -> Casadi:
     import casadi
 
     return casadi.exp(x)
@@ -47,7 +47,7 @@ class NonlinearMeasurement(Compiled):
     """
 
     states: int
-    h: Sequence[Any] | None = None
+    h: Sequence[float | str] | None = None
     model: str | None = None
     names: Sequence[str] | None = None
 
@@ -78,7 +78,7 @@ class NonlinearMeasurement(Compiled):
         return self.states if self.h is None else len(self.h)
 
     @cached_property
-    def _function(self) -> Any:
+    def _function(self) -> CasadiFunction:
         import casadi
 
         x, t = casadi.SX.sym("x", self.states), casadi.SX.sym("t")

@@ -8,24 +8,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_shape
 from occontrol.core.errors import Collector
+from occontrol.core.kinds import ArrayField, Casadi, CasadiFunction, VectorField, unless_given
 from occontrol.families.precision.formulas import Compiled, check_formulas, stack_formulas, unknown_model
 
 LARGEST_SIZE = 2000
 
 
-def _lorenz96(x: Any, t: Any, forcing: float) -> Any:
+def _lorenz96(x: Casadi, t: Casadi, forcing: float) -> Casadi:
     """dx_i/dt = (x_{i+1} - x_{i-2}) x_{i-1} - x_i + F with cyclic indices; Das & Bhattacharya (19)."""
     import casadi
 
     n = x.shape[0]
 
-    def shifted(by: int) -> Any:
+    def shifted(by: int) -> Casadi:
         return casadi.vertcat(*[x[(i + by) % n] for i in range(n)])
 
     return (shifted(1) - shifted(-2)) * shifted(-1) - x + forcing
@@ -52,14 +52,14 @@ class NonlinearPlant(Compiled):
     Raises ProblemError naming every mistake. Das & Bhattacharya, equations (1) and (19).
     """
 
-    covariance: Any
-    mean: Any = None
-    f: Sequence[Any] | None = None
+    covariance: ArrayField
+    mean: VectorField = unless_given(None)
+    f: Sequence[float | str] | None = None
     model: str | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     step: float | None = None
     substeps: int = 1
-    noise: Any = None
+    noise: ArrayField = unless_given(None)
 
     def __post_init__(self) -> None:
         found = Collector()
@@ -121,13 +121,13 @@ class NonlinearPlant(Compiled):
         return (*[f"x{i + 1}" for i in range(self.states)], "t")
 
     @cached_property
-    def _function(self) -> Any:
+    def _function(self) -> CasadiFunction:
         """One substep (or the map itself): (x, t) -> x."""
         import casadi
 
         x, t = casadi.SX.sym("x", self.states), casadi.SX.sym("t")
 
-        def right(state: Any, time: Any) -> Any:
+        def right(state: Casadi, time: Casadi) -> Casadi:
             if self.model is not None:
                 function, defaults, _ = PLANT_MODELS[self.model]
                 return function(state, time, **{**defaults, **self.parameters})
@@ -144,7 +144,7 @@ class NonlinearPlant(Compiled):
         return casadi.Function("substep", [x, t], [x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
     @cached_property
-    def _function_jacobian(self) -> Any:
+    def _function_jacobian(self) -> CasadiFunction:
         import casadi
 
         x, t = casadi.SX.sym("x", self.states), casadi.SX.sym("t")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.checks import check_covariance
 from occontrol.core.errors import Collector, InfeasibleError, Mistake, UsageError
+from occontrol.core.kinds import Kept, MatrixLike, PlainMapping, VectorField, unless_given
+from occontrol.core.method import Method
+from occontrol.core.problem import BaseProblem
 from occontrol.families.precision.ensemble import EnsembleFilter
 from occontrol.families.precision.measurement import NonlinearMeasurement
 from occontrol.families.precision.moments import Moments, check_moments
@@ -33,7 +34,7 @@ class ScalarSensor:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(BaseProblem):
     """Choose precisions lambda >= 0 of least total price such that the posterior covariance stays below a bound.
 
     minimise  sum_i price_i lambda_i   subject to   Sigma+(lambda) <= P^d,   lambda <= caps
@@ -64,16 +65,16 @@ class Problem:
     measurement: NonlinearMeasurement | None = None
     filter: EnsembleFilter | UnscentedFilter | None = None
     bound_factor: float | None = None
-    bound_matrix: Any = None
+    bound_matrix: Kept[MatrixLike | None, np.ndarray | None] = unless_given(None)
     batch: int = 1
     batches: int = 1
-    caps: Any = None
-    prices: Any = None
-    fixed: Any = None
+    caps: VectorField = unless_given(None)
+    prices: VectorField = unless_given(None)
+    fixed: VectorField = unless_given(None)
     prune: Pruning | None = None
     truth_seed: int = 0
-    method: Any = None
-    expect: Mapping[str, Any] | None = None
+    method: Method | None = None
+    expect: PlainMapping | None = None
     family: str = field(default="precision", init=False)
     bound: np.ndarray = field(init=False, repr=False)
 

@@ -11,11 +11,11 @@ computed anew from equation (11), and the objective is held against a bound prov
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import ProblemError
+from occontrol.core.kinds import VectorField, unless_given
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
 from occontrol.families.precision.barrier import Iterate, barrier
@@ -48,9 +48,9 @@ class Program:
 
     moments: Moments
     bound: np.ndarray
-    prices: Any = None
-    caps: Any = None
-    fixed: Any = None
+    prices: VectorField = unless_given(None)
+    caps: VectorField = unless_given(None)
+    fixed: VectorField = unless_given(None)
 
     def __post_init__(self) -> None:
         m = self.moments.sensors
@@ -99,12 +99,12 @@ class Outcome:
 
     status: Status
     message: str
-    precisions: Any
+    precisions: np.ndarray | None
     objective: float
     lower_bound: float
     margin: float
     relative_margin: float
-    posterior: Any
+    posterior: np.ndarray | None
     feasibility: Feasibility
     route: str
     iterations: int = 0

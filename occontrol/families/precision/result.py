@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Self
 
+from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Solution
 
@@ -50,12 +51,12 @@ class PruningRecord(ResultData):
     restricted_lower_bound: float
     proven: bool
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> PlainDict:
         """The entries of result.json."""
         return super().as_dict() | {"removals": [record.as_dict() for record in self.removals]}
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+    def from_dict(cls, content: PlainMapping) -> Self:
         """The record that `content` describes."""
         return super().from_dict({**content, "removals": _records(RemovalRecord, content.get("removals") or ())})
 
@@ -96,7 +97,7 @@ class BatchRecord(ResultData):
     pruning: PruningRecord | None = field(default=None, metadata=_OPTIONAL)
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+    def from_dict(cls, content: PlainMapping) -> Self:
         """The record that `content` describes."""
         return super().from_dict({**content, "pruning": _pruning(content)})
 
@@ -145,24 +146,24 @@ class PrecisionResult(ResultData):
     pruning: PruningRecord | None = field(default=None, metadata=_OPTIONAL)
     route: str
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> PlainDict:
         """The entries of result.json."""
         content = super().as_dict()
         return content if self.batches is None else content | {"batches": [record.as_dict() for record in self.batches]}
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+    def from_dict(cls, content: PlainMapping) -> Self:
         """The result that `content` describes."""
         batches = content.get("batches")
         records = None if batches is None else _records(BatchRecord, batches)
         return super().from_dict({**content, "batches": records, "pruning": _pruning(content)})
 
 
-def _records(kind: type[ResultData], contents: Sequence[Mapping[str, Any]]) -> tuple[Any, ...]:
+def _records(kind: type[ResultData], contents: Sequence[PlainMapping]) -> tuple[ResultData, ...]:
     return tuple(kind.from_dict(content) for content in contents)
 
 
-def _pruning(content: Mapping[str, Any]) -> PruningRecord | None:
+def _pruning(content: PlainMapping) -> PruningRecord | None:
     stated = content.get("pruning")
     return PruningRecord.from_dict(stated) if isinstance(stated, Mapping) else None
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field
 
 from occontrol.core.errors import Path
+from occontrol.core.kinds import PlainDict
 from occontrol.families.precision.measurement import NonlinearMeasurement
 from occontrol.families.precision.plant import NonlinearPlant
 from occontrol.families.precision.problem import SIZE_WORDS, Problem
@@ -145,7 +146,7 @@ def build(document: Document, context: Context) -> Problem:
 
 def _stand_ins(
     document: Document, plant: NonlinearPlant | None, measurement: NonlinearMeasurement | None, states: int
-) -> dict[str, Any]:
+) -> PlainDict:
     """A plant and sensors of the right sizes, in place of parts that cannot be built."""
     entry = document.measurement
     sensors = states if entry is None or entry.h is None else count_of(entry.h)
@@ -155,9 +156,9 @@ def _stand_ins(
     }
 
 
-def document(problem: Problem) -> dict[str, Any]:
+def document(problem: Problem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
-    result: dict[str, Any] = {"family": "precision", "name": problem.name}
+    result: PlainDict = {"family": "precision", "name": problem.name}
     if problem.moments is not None:
         m = problem.moments
         result["moments"] = {key: getattr(m, key).tolist() for key in ("state", "cross", "measurement")}

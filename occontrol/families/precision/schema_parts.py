@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
+from occontrol.core.kinds import Plain
 from occontrol.families.precision.ensemble import EnsembleFilter
 from occontrol.families.precision.measurement import NonlinearMeasurement
 from occontrol.families.precision.moments import Moments
@@ -88,19 +89,19 @@ class Truth(Strict):
     seed: Whole = 0
 
 
-def by_name(value: Any) -> Any:
+def by_name(value: object) -> object:
     """A bare word stands for {name: word}."""
     return {"name": value} if isinstance(value, str) else value
 
 
-def _prune_kind(value: Any) -> str:
+def _prune_kind(value: object) -> str:
     return "options" if isinstance(value, dict) else "flag"
 
 
 AnyPrune = Annotated[Annotated[Prune, Tag("options")] | Annotated[bool, Tag("flag")], Discriminator(_prune_kind)]
 
 
-def read_numbers(value: Any, key: str, context: Context) -> Any:
+def read_numbers(value: object, key: str, context: Context) -> Plain:
     """A number, or a list of numbers and null; what is wrong is noted."""
     if value is None:
         return None
@@ -117,7 +118,7 @@ def read_numbers(value: Any, key: str, context: Context) -> Any:
     return None if len(context.found.mistakes) > before else value
 
 
-def read_filter(entry: Filter, context: Context) -> Any:
+def read_filter(entry: Filter, context: Context) -> EnsembleFilter | UnscentedFilter | None:
     """The options of the named filter; keys of the other one are mistakes."""
     if entry.name not in FILTERS:
         context.found.add(("filter", "name"), f"unknown filter '{entry.name}'", suggest(entry.name, FILTERS))
@@ -200,7 +201,7 @@ def read_measurement(entry: Measurement, states: int, context: Context) -> Nonli
     return measurement if len(context.found.mistakes) == before else None
 
 
-def count_of(value: Any) -> int:
+def count_of(value: object) -> int:
     """How many entries a list has that could not be read; a bare entry is one."""
     return len(value) if isinstance(value, list) and value else 1
 
@@ -217,7 +218,9 @@ def state_count(document: Any) -> int:
     return min(max(said, key=said.count), LARGEST_SIZE) if said else 1
 
 
-def _spread(value: dict, key: str, allowed: tuple[str, ...], path: tuple[str, ...], context: Context) -> Any:
+def _spread(
+    value: dict, key: str, allowed: tuple[str, ...], path: tuple[str, ...], context: Context
+) -> tuple[float, float, int] | None:
     """(low, high, seed) of a random shorthand, or None after a mistake."""
     known = len(context.found.mistakes)
     for other in value:
@@ -233,14 +236,14 @@ def _spread(value: dict, key: str, allowed: tuple[str, ...], path: tuple[str, ..
     return None if len(context.found.mistakes) > known else (float(span[0]), float(span[1]), seed)
 
 
-def _mean(value: Any, n: int, context: Context) -> np.ndarray | None:
+def _mean(value: object, n: int, context: Context) -> np.ndarray | None:
     if isinstance(value, dict):
         spread = _spread(value, "uniform", ("uniform", "seed"), ("initial", "mean"), context)
         return None if spread is None else np.random.default_rng(spread[2]).uniform(spread[0], spread[1], n)
     return context.vector(value, "initial", "mean")
 
 
-def _covariance(value: Any, context: Context) -> np.ndarray | None:
+def _covariance(value: object, context: Context) -> np.ndarray | None:
     """A matrix, or a random one with eigenvalues spread evenly over a range and random directions."""
     if not (isinstance(value, dict) and "random" in value):
         return context.constant(value, "initial", "covariance")

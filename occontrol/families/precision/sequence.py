@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -24,7 +24,7 @@ class Chosen(Protocol):
     """What decides about a batch."""
 
     @property
-    def precisions(self) -> Any:
+    def precisions(self) -> np.ndarray | None:
         """(q*m,), or None where nothing meets the bound."""
         ...
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from occontrol.core.errors import Mistake
 from occontrol.families.precision.ensemble import EnsembleFilter
+from occontrol.families.precision.problem import Problem
 
 
-def warnings_of(problem: Any) -> list[Mistake]:
+def warnings_of(problem: Problem) -> list[Mistake]:
     """An ensemble with fewer members than states: its covariance has rank members - 1 at most.
 
     Parameters

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from occontrol.core import stopwatch
+from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
@@ -81,7 +81,7 @@ def sequence_solution(
     status: Status,
     message: str,
     monitor: Monitor,
-    numbers: Mapping[str, Any] | None = None,
+    numbers: PlainMapping | None = None,
     arrays: Mapping[str, np.ndarray] | None = None,
 ) -> Solution:
     """The Solution of one sequence, whose cost is checked by direct integration.
@@ -191,12 +191,12 @@ def shares_solution(
 
 def _common(
     problem: Problem, slots: Slots, certificate: Certificate, weights: np.ndarray, ordinary: np.ndarray
-) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+) -> tuple[PlainDict, dict[str, np.ndarray]]:
     """Fields and arrays that sequences and shares both have; ordinary is N (N+1, n, n)."""
     shape = from_ordinary(ordinary, slots.free)
     Y = center_weight(slots.free, shape)
     reach, followed = observability(problem)
-    fields: dict[str, Any] = {
+    fields: PlainDict = {
         "name": problem.name,
         "cost": certificate.cost,
         "lower_bound": certificate.lower_bound,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -80,7 +79,7 @@ def claims_of(solution: Solution) -> Claims:
     ----------
     solution : of the run, also as read from a folder
     """
-    numbers: Any = numbers_of(solution)
+    numbers = numbers_of(solution)
     stated = (numbers.cost, numbers.lower_bound, numbers.relative_gap, numbers.level)
     cost, bound, gap, level = (float(x) if isinstance(x, int | float) else None for x in stated)
     parts: Mapping[str, float] = {} if level is None else {"level": level}

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core import stopwatch
 from occontrol.core.errors import InfeasibleError, ProblemError
 from occontrol.core.measurement import Estimate, Measurement
+from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
@@ -41,7 +42,7 @@ class Robust(Family):
     problem_type: ClassVar[type] = Problem
     result_type: ClassVar[type] = SwitchingResult
 
-    def solve(self, problem: Problem, method: Any = None, monitor: Monitor | None = None) -> Solution:
+    def solve(self, problem: Problem, method: Method | None = None, monitor: Monitor | None = None) -> Solution:
         """Find a sequence of sensors and prove how good it is.
 
         Parameters
@@ -111,7 +112,7 @@ class Robust(Family):
         """Raise InfeasibleError when the plant is not uniformly robustly observable, whatever the sensors."""
         problem.require_feasible()
 
-    def truth_remark(self, estimate: Estimate, truth: Trajectory, source: Any) -> str:
+    def truth_remark(self, estimate: Estimate, truth: Trajectory, source: object) -> str:
         """Whether the set of possible states held the truth at every time."""
         from occontrol.families.robust.text import truth_remark
 
@@ -162,7 +163,9 @@ class Robust(Family):
             problem.flow, problem.plant, names, problem.edges, sequence, problem.samples, measurements
         )
 
-    def online(self, problem: Problem, solution: Solution | None = None, method: Any = None) -> OnlineSwitching:
+    def online(
+        self, problem: Problem, solution: Solution | None = None, method: Method | None = None
+    ) -> OnlineSwitching:
         """The on-line object: takes measurements, returns the set and the next sensor (online.py).
 
         Parameters

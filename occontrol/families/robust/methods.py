@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from occontrol.core.errors import Mistake
+from occontrol.core.kinds import PlainMapping
 from occontrol.core.method import check_options
 from occontrol.core.solution import Status
 from occontrol.families.robust.one_sequence import BestSingle as BestSingle
@@ -136,7 +137,7 @@ class All(SwitchingMethod):
         order = np.argsort(costs, kind="stable")
         sequences, costs = sequences[order], costs[order]
         names = problem.sensors.names
-        ranking: list[Mapping[str, Any]] = [
+        ranking: list[PlainMapping] = [
             {"cost": float(c), "sequence": [names[i] for i in s]}
             for c, s in zip(costs[:MOST_RANKED], sequences[:MOST_RANKED], strict=True)
         ]

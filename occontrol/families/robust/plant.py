@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_shape
 from occontrol.core.errors import Collector, Mistake, ProblemError
+from occontrol.core.kinds import ArrayField, SignalField, VectorField, unless_given
 from occontrol.core.signal import Signal, as_signal
 
 
@@ -34,11 +34,11 @@ class UncertainPlant:
     Savkin, Evans & Skafidas, equations (1), (2), (12), (15).
     """
 
-    A: Any
-    B: Any
-    K: Any
-    weight: Any
-    center: Any = None
+    A: SignalField
+    B: SignalField
+    K: SignalField
+    weight: ArrayField
+    center: VectorField = unless_given(None)
     level: float = 1.0
 
     def __post_init__(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,10 @@ import numpy as np
 
 from occontrol.core.checks import check_finite
 from occontrol.core.errors import Collector, InfeasibleError, Mistake
-from occontrol.core.sensor import SensorSuite
+from occontrol.core.kinds import Kept, PlainMapping, VectorField
+from occontrol.core.method import Method
+from occontrol.core.problem import BaseProblem
+from occontrol.core.sensor import Sensor, SensorSuite
 from occontrol.core.signal import Signal, TableSignal
 from occontrol.families.robust.ellipsoid_size import SIZES, Size
 from occontrol.families.robust.one_sequence import SwitchingMethod
@@ -24,7 +27,7 @@ MOST_SLOTS = 10_000
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(BaseProblem):
     """Choose one of M sensors in every slot so that the set of possible states is small at the end.
 
         minimise  sup over y  size( {x: (x - a)' P(T)^-1 (x - a) <= d + rho(y)} )  =  size(P(T), d + x0'Y(0)x0)
@@ -46,12 +49,12 @@ class Problem:
 
     name: str
     plant: UncertainPlant
-    sensors: Any
-    edges: Any
+    sensors: Kept[Sequence[Sensor], SensorSuite[Sensor]]
+    edges: VectorField
     size: Any = "trace"
     samples: int = 20
-    method: Any = None
-    expect: Mapping[str, Any] | None = None
+    method: Method | None = None
+    expect: PlainMapping | None = None
     family: str = field(default="robust", init=False)
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from occontrol.core.errors import ProblemError
+from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Solution
 
@@ -20,7 +21,7 @@ class SwitchingResult(ResultData):
     """The numbers of a robust solve: of a sequence, of shares, or of a plant that no schedule can observe."""
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+    def from_dict(cls, content: PlainMapping) -> Self:
         """The result that `content` describes, as the dataclass of its outcome."""
         kind: Any = cls
         if cls is SwitchingResult:
@@ -88,7 +89,7 @@ class SequenceResult(SwitchingResult):
     independent: Independent | None
     sequences: int | None = field(default=None, metadata=_OPTIONAL)
     worst_cost: float | None = field(default=None, metadata=_OPTIONAL)
-    ranking: Sequence[Mapping[str, Any]] | None = field(default=None, metadata=_OPTIONAL)
+    ranking: Sequence[PlainMapping] | None = field(default=None, metadata=_OPTIONAL)
     nodes: int | None = field(default=None, metadata=_OPTIONAL)
     widest_layer: int | None = field(default=None, metadata=_OPTIONAL)
     merged: int | None = field(default=None, metadata=_OPTIONAL)
@@ -97,10 +98,10 @@ class SequenceResult(SwitchingResult):
     relaxed_bound: float | None = field(default=None, metadata=_OPTIONAL)
     one_step_cost: float | None = field(default=None, metadata=_OPTIONAL)
     best_known_cost: float | None = field(default=None, metadata=_OPTIONAL)
-    schedule: list[dict[str, Any]]
+    schedule: list[PlainDict]
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+    def from_dict(cls, content: PlainMapping) -> Self:
         """The result that `content` describes."""
         stated = content.get("independent")
         judged = Independent.from_dict(stated) if isinstance(stated, Mapping) else None
@@ -129,7 +130,7 @@ class SharesResult(SwitchingResult):
     X_initial: list[list[float]]
     Y_initial: list[list[float]]
     singular_fraction: float
-    schedule: list[dict[str, Any]]
+    schedule: list[PlainDict]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -160,16 +161,16 @@ class UnobservableResult(SwitchingResult):
     gain_factor: float
     X_escape_time: float | None
     escape_time: float | None = None
-    schedule: Sequence[dict[str, Any]] = ()
+    schedule: Sequence[PlainDict] = ()
     followed: bool = False
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> PlainDict:
         """The entries of result.json."""
         left_out = {"followed"} if self.followed else {"followed", "escape_time"}
         return {key: value for key, value in super().as_dict().items() if key not in left_out} | {"schedule": []}
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+    def from_dict(cls, content: PlainMapping) -> Self:
         """The result that `content` describes."""
         return super().from_dict({**content, "followed": "escape_time" in content})
 

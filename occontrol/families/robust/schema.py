@@ -9,6 +9,7 @@ from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
 from occontrol.core.clock import tolerance
 from occontrol.core.errors import Path
+from occontrol.core.kinds import PlainDict
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal
 from occontrol.families.robust.plant import UncertainPlant
@@ -53,7 +54,7 @@ class SensorEntry(Strict):
     C: Matrix = Field(description="C: a list of rows, one entry per state")
 
 
-def _sensor_kind(value: Any) -> str:
+def _sensor_kind(value: object) -> str:
     return "word" if isinstance(value, str) else "sensor"
 
 
@@ -111,7 +112,7 @@ def build(document: Document, context: Context) -> Problem:
     return problem
 
 
-def _edges(horizon: Horizon, context: Context) -> Any:
+def _edges(horizon: Horizon, context: Context) -> np.ndarray | None:
     """The edges of the slots, or None after a mistake."""
     wrong, before = context.found.add, len(context.found.mistakes)
     start, end = 0.0 if horizon.start is None else horizon.start, horizon.end
@@ -134,7 +135,7 @@ def _edges(horizon: Horizon, context: Context) -> Any:
     return np.linspace(start, end, horizon.slots + 1) if len(context.found.mistakes) == before else None
 
 
-def _switching(horizon: Horizon, start: float, context: Context) -> Any:
+def _switching(horizon: Horizon, start: float, context: Context) -> np.ndarray | None:
     """Edges from switch_times; start and end are added where the list leaves them out."""
     wrong, times, end = context.found.add, list(horizon.switch_times or []), horizon.end
     if horizon.slots is not None:
@@ -170,13 +171,13 @@ def _switching(horizon: Horizon, start: float, context: Context) -> Any:
 def _plant(document: Document, context: Context) -> UncertainPlant:
     """The plant, with stand-ins for what is wrong (that is noted)."""
     entry = document.plant
-    parts: dict[str, Any] = {key: context.signal(getattr(entry, key), "plant", key) for key in ("A", "B", "K")}
+    parts: PlainDict = {key: context.signal(getattr(entry, key), "plant", key) for key in ("A", "B", "K")}
     parts["weight"] = context.constant(entry.initial.weight, "plant", "initial", "weight")
     center = entry.initial.center
     parts["center"] = None if center is None else context.vector(center, "plant", "initial", "center")
     parts["level"] = entry.initial.level
     n = _states(parts, document)
-    stand_in: dict[str, Any] = {"A": np.zeros((n, n)), "B": np.zeros((n, 1)), "K": np.zeros((1, n))}
+    stand_in: PlainDict = {"A": np.zeros((n, n)), "B": np.zeros((n, 1)), "K": np.zeros((1, n))}
     stand_in |= {"weight": np.eye(n), "center": None, "level": 1.0}
     values = {key: stand_in[key] if value is None else value for key, value in parts.items()}
     known = len(context.found.mistakes)
@@ -190,7 +191,7 @@ def _plant(document: Document, context: Context) -> UncertainPlant:
     return plant
 
 
-def _states(parts: dict[str, Any], document: Document) -> int:
+def _states(parts: PlainDict, document: Document) -> int:
     """The number of states: what A says; where A cannot be read, what most of the other parts agree on."""
     if parts["A"] is not None:
         return parts["A"].shape[0]
@@ -213,7 +214,7 @@ def _sensor(entry: SensorEntry | str, index: int, states: int, context: Context)
     return sensor or Sensor(f"sensor {index + 1}", ConstantSignal(np.zeros((1, states))), np.eye(1))
 
 
-def document(problem: Problem) -> dict[str, Any]:
+def document(problem: Problem) -> PlainDict:
     """The plain document of a problem, tables embedded; `build` makes the identical problem of it.
 
     Parameters

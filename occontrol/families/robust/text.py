@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from occontrol.core.measurement import Estimate
@@ -94,7 +92,7 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     return lines
 
 
-def truth_remark(estimate: Estimate, truth: Trajectory, source: Any) -> str:
+def truth_remark(estimate: Estimate, truth: Trajectory, source: object) -> str:
     """Whether the set of possible states held the truth at every time.
 
     Parameters

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from occontrol.core.errors import UsageError
+from occontrol.core.kinds import PlainDict
 from occontrol.families.vlambda.problem import Problem
 
 
-def as_readings(problem: Problem) -> tuple[dict[str, Any], list[str]]:
+def as_readings(problem: Problem) -> tuple[PlainDict, list[str]]:
     """The problem as a document of family athans in discrete time: minimise the sum over k of tr P(k|k).
 
     P_ij / (s_i s_j) with the scales s; epochs, sensors and `select` stay.
@@ -31,7 +30,7 @@ def as_readings(problem: Problem) -> tuple[dict[str, Any], list[str]]:
     if problem.method is not None:
         remarks.append(f"the method {problem.method.name} is left behind: the default plans all choices together")
     plant = problem.plant
-    system: dict[str, Any] = {"F": plant.F.document(), "Q": plant.Q.document()}
+    system: PlainDict = {"F": plant.F.document(), "Q": plant.Q.document()}
     if plant.G is not None:
         system["G"] = plant.G.document()
     system["initial"] = {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()}

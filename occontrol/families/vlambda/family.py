@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core import stopwatch
 from occontrol.core.errors import ProblemError, UsageError
+from occontrol.core.kinds import PlainDict
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
@@ -136,7 +137,7 @@ class VLambda(Family):
         """Raise InfeasibleError where a movable sensor of `problem` has nowhere to be."""
         problem.require_feasible()
 
-    def converted(self, problem: Problem, family: str) -> tuple[dict[str, Any], list[str]]:
+    def converted(self, problem: Problem, family: str) -> tuple[PlainDict, list[str]]:
         """A `problem` as a document of `family` athans, which plans all choices together; UsageError for others."""
         from occontrol.families.vlambda.convert import as_readings
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from occontrol.core.errors import Mistake, ProblemError, suggest
-from occontrol.core.method import check_options
+from occontrol.core.method import Method, check_options
 from occontrol.core.monitor import Monitor
 from occontrol.families.vlambda.baselines import FixedChooser, RandomChooser, RoundRobinChooser, SequenceChooser
 from occontrol.families.vlambda.outcome import Outcome, cheapest_fixed, walk
@@ -235,11 +235,11 @@ def _repeated(method: Fixed | Optimal, problem: Problem) -> Chooser:
     return SequenceChooser.repeating(method.run(problem, Monitor()).selection.choices)
 
 
-def _wrong(method: Any, option: str, hint: str) -> Mistake:
+def _wrong(method: Method, option: str, hint: str) -> Mistake:
     return Mistake((option,), f"{option} of method {method.name} is {getattr(method, option)!r}", hint)
 
 
-def _check_whole(method: Any, **limits: tuple[int, int | None]) -> None:
+def _check_whole(method: Method, **limits: tuple[int, int | None]) -> None:
     """Refuse options that are no whole numbers from the first limit to the second (None: without end)."""
     found = []
     for option, (low, high) in limits.items():

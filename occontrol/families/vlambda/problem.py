@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_covariance_signal, check_finite
 from occontrol.core.errors import Collector, Mistake, plural
+from occontrol.core.kinds import Kept, PlainMapping, VectorField, unless_given
 from occontrol.core.plant import DiscretePlant
+from occontrol.core.problem import BaseProblem
 from occontrol.core.sensor import SensorSuite
-from occontrol.core.signal import TableSignal
+from occontrol.core.signal import Signal, TableSignal
 from occontrol.families.vlambda.methods import METHODS, Optimal, Rule
 from occontrol.families.vlambda.sampled_plant import SampledPlant, sample_plant
-from occontrol.families.vlambda.sensor import DiscreteSensor
+from occontrol.families.vlambda.sensor import DiscreteSensor, LocatedMatrix
 
 CRITERIA = ("largest-eigenvalue", "trace")
 MOST_STEPS = 1_000_000
@@ -24,7 +25,7 @@ LOOKED_AT = 200
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(BaseProblem):
     """At k % epoch == 0 choose `select` of M sensors from P(k|k-1), measure at every k, propagate with F(k).
 
     Parameters
@@ -46,14 +47,14 @@ class Problem:
 
     name: str
     plant: DiscretePlant
-    sensors: Any
+    sensors: Kept[Sequence[DiscreteSensor], SensorSuite[DiscreteSensor]]
     steps: int
     epoch: int = 1
     select: int = 1
     criterion: str = CRITERIA[0]
-    scales: Any = None
+    scales: VectorField = unless_given(None)
     method: Rule | Optimal | None = None
-    expect: Mapping[str, Any] | None = None
+    expect: PlainMapping | None = None
     family: str = field(default="vlambda", init=False)
 
     def __post_init__(self) -> None:
@@ -154,9 +155,11 @@ class Problem:
         return []
 
     @property
-    def signals(self) -> dict[tuple[str | int, ...], Any]:
+    def signals(self) -> dict[tuple[str | int, ...], Signal | LocatedMatrix]:
         """Every function of k by its path in a problem file (those of movable sensors are not among them)."""
-        named: dict[tuple[str | int, ...], Any] = {("plant", key): s for key, s in self.plant.signals.items()}
+        named: dict[tuple[str | int, ...], Signal | LocatedMatrix] = {
+            ("plant", key): s for key, s in self.plant.signals.items()
+        }
         for j, sensor in enumerate(self.sensors):
             if not sensor.movable:
                 named |= {("sensors", j, "H"): sensor.H, ("sensors", j, "R"): sensor.R}

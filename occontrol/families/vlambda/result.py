@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
+from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.monitor import Monitor
 from occontrol.core.result import ResultData
 from occontrol.core.schedule import Schedule
@@ -18,7 +18,7 @@ from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.selection import Selection
 from occontrol.families.vlambda.sensor_choice import Choice
 
-_OPTIONAL: Any = {"optional": True}
+_OPTIONAL = {"optional": True}
 
 
 @dataclass(frozen=True)
@@ -95,12 +95,12 @@ class SelectionResult(ResultData):
     bound_holds_for: str | None = field(default=None, metadata=_OPTIONAL)
     relative_gap: float | None = field(default=None, metadata=_OPTIONAL)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> PlainDict:
         """The family's part of result.json."""
         return {**super().as_dict(), "schedule": [entry.as_dict() for entry in self.schedule]}
 
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+    def from_dict(cls, content: PlainMapping) -> Self:
         """The result that `content`, the family's part of a result.json, describes."""
         entries = [EpochEntry.from_dict(entry) for entry in content.get("schedule") or ()]
         return super().from_dict({**content, "schedule": entries})

@@ -8,7 +8,9 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
 from occontrol.core.errors import Path
+from occontrol.core.kinds import PlainDict
 from occontrol.core.plant import DiscretePlant
+from occontrol.core.signal import Signal
 from occontrol.families.vlambda.methods import METHODS
 from occontrol.families.vlambda.problem import CRITERIA, Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor, LocatedMatrix, Region
@@ -63,7 +65,7 @@ class Criterion(Strict):
     name: str = CRITERIA[0]
 
 
-def _criterion_kind(value: Any) -> str:
+def _criterion_kind(value: object) -> str:
     return "word" if isinstance(value, str) else "mapping"
 
 
@@ -136,7 +138,7 @@ def _plant(entry: Plant, context: Context) -> DiscretePlant | None:
             context.found.add(("plant", "F"), f"F is {rows}x{columns}, it must be square", hint)
         return None
     n = F.shape[0]
-    stand_in: dict[str, Any] = {"G": None, "Q": np.zeros((n, n)), "covariance": np.zeros((n, n)), "mean": None}
+    stand_in: PlainDict = {"G": None, "Q": np.zeros((n, n)), "covariance": np.zeros((n, n)), "mean": None}
     given = {"G": G, "Q": Q, "covariance": covariance, "mean": mean}
     if Q is None or (entry.G is not None and G is None):
         given |= {"G": None, "Q": None}
@@ -171,7 +173,7 @@ def _region(location: Location, j: int, context: Context) -> Region | None:
     return context.attempt(Region, "sensors", j, "location", **arguments)
 
 
-def _matrix(value: Any, region: Region | None, context: Context, *path: str | int) -> Any:
+def _matrix(value: object, region: Region | None, context: Context, *path: str | int) -> Signal | LocatedMatrix | None:
     if region is None:
         return context.signal(value, *path, variable="k")
     if isinstance(value, dict) and ("times" in value or "file" in value):
@@ -184,7 +186,7 @@ def _matrix(value: Any, region: Region | None, context: Context, *path: str | in
     return None if rows is None else LocatedMatrix(tuple(map(tuple, rows)), region.coordinates)
 
 
-def document(problem: Problem) -> dict[str, Any]:
+def document(problem: Problem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
     plant = problem.plant
     result = {
@@ -209,7 +211,7 @@ def document(problem: Problem) -> dict[str, Any]:
     return prune(result)
 
 
-def _sensor_document(sensor: DiscreteSensor) -> dict[str, Any]:
+def _sensor_document(sensor: DiscreteSensor) -> PlainDict:
     values = {"name": sensor.name, "H": sensor.H.document(), "R": sensor.R.document()}
     if sensor.location is None:
         return values

@@ -11,7 +11,8 @@ import numpy as np
 
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural
 from occontrol.core.expression import parse_expression
-from occontrol.core.signal import as_signal
+from occontrol.core.kinds import CasadiFunction, Kept, MatrixLike, Plain
+from occontrol.core.signal import Signal, as_signal
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ class LocatedMatrix:
         return len(self.entries), len(self.entries[0]) if self.entries else 0
 
     @cached_property
-    def function(self) -> Any:
+    def function(self) -> CasadiFunction:
         """CasADi function of k (1, N) and p (coordinates, N); one column of row-major entries per column."""
         import casadi
 
@@ -84,7 +85,7 @@ class LocatedMatrix:
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
 
-    def document(self) -> Any:
+    def document(self) -> Plain:
         """What stands for this matrix in a problem file."""
         return [list(row) for row in self.entries]
 
@@ -99,7 +100,7 @@ class Region:
     constraints : formulas c(p, k); the location is allowed where every c <= 0
     """
 
-    bounds: Any
+    bounds: Kept[Sequence[Sequence[float]] | np.ndarray, np.ndarray]
     constraints: Sequence[str] = ()
 
     def __post_init__(self) -> None:
@@ -169,8 +170,8 @@ class DiscreteSensor:
     """
 
     name: str
-    H: Any
-    R: Any
+    H: Kept[MatrixLike | LocatedMatrix, Signal | LocatedMatrix]
+    R: Kept[MatrixLike | LocatedMatrix, Signal | LocatedMatrix]
     location: Region | None = field(default=None)
 
     def __post_init__(self) -> None:
@@ -188,7 +189,7 @@ class DiscreteSensor:
             what = f"R of sensor '{self.name}' is {rows}x{columns}, its H has {plural(m, 'row')}"
             raise ProblemError(Mistake(("R",), what, f"it must be {m}x{m}"))
 
-    def _matrix(self, value: Any) -> Any:
+    def _matrix(self, value: MatrixLike | LocatedMatrix) -> Signal | LocatedMatrix:
         if isinstance(value, LocatedMatrix):
             return value
         if self.location is None:

@@ -8,11 +8,11 @@ from __future__ import annotations
 import importlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import FileAccessError, UsageError, suggest
+from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
 from occontrol.files.run_record import refuse_run_files
 
@@ -33,7 +33,12 @@ def check_format(to: str) -> None:
 
 
 def write_export(
-    problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], to: str, run: Path, out: str | Path | None
+    problem: BaseProblem,
+    solution: Solution,
+    tables: Mapping[str, np.ndarray],
+    to: str,
+    run: Path,
+    out: str | Path | None,
 ) -> list[Path]:
     """Write a run for another tool.
 

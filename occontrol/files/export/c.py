@@ -7,12 +7,12 @@ else double with 17 digits. Arrays without entries are left out, for C has none.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
 from occontrol.files.atomic import write_text
 
@@ -20,7 +20,7 @@ PREFIX = "occontrol_"
 WIDTH = 120
 
 
-def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
+def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
     """Write one C file.
 
     Parameters
@@ -60,7 +60,7 @@ def _definition(name: str, array: np.ndarray) -> list[str]:
     return [f"static const {kind} {name}{sizes} =", *_wrapped(_values(array, spell) + ";")]
 
 
-def _values(array: np.ndarray, spell: Any) -> str:
+def _values(array: np.ndarray, spell: Callable[[float], str]) -> str:
     if array.ndim == 0:
         return spell(array.item())
     inner = map(spell, array.tolist()) if array.ndim == 1 else (_values(part, spell) for part in array)

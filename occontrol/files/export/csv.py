@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from occontrol.core.problem import BaseProblem
 from occontrol.core.reading_schedule import ReadingSchedule
 from occontrol.core.solution import Solution
 from occontrol.files.spreadsheet import Numbers
@@ -24,7 +24,7 @@ FILE_NAMES = {"gain": "gains", "continuous_gain": "continuous_gains"}
 PER_SENSOR = ("weights", "relaxed_weights", "switching")
 
 
-def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
+def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
     """Write the CSV files of one run.
 
     Parameters
@@ -70,14 +70,14 @@ def _schedule(schedule: Sequence[dict], path: Path) -> Path:
     return write_table(path, header, rows)
 
 
-def _cell(value: Any) -> Any:
+def _cell(value: object) -> object:
     if isinstance(value, list | tuple):
         text = ";".join(repr(entry) if isinstance(entry, float) else str(entry) for entry in value)
         return text if any(isinstance(entry, str) for entry in value) else Numbers(text)
     return "" if value is None else value
 
 
-def _index(array: np.ndarray, arrays: Any) -> tuple[list[str], Sequence[Sequence[Any]]]:
+def _index(array: np.ndarray, arrays: Mapping[str, np.ndarray]) -> tuple[list[str], Sequence[Sequence[object]]]:
     times, edges = arrays.get("times"), arrays.get("edges")
     if times is not None and len(array) == len(times):
         return ["t"], [[float(t)] for t in times]

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
 from occontrol.files.atomic import write_text
 from occontrol.files.plain_json import to_json
 
 
-def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
+def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
     """Write one JSON file.
 
     Parameters

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import UsageError
+from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
 from occontrol.files.atomic import replacing
 
@@ -16,7 +16,7 @@ LONGEST = 31  # characters of a field's name that MATLAB reads
 LARGEST = 2**31 - 1  # bytes of one variable in this version of the format
 
 
-def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
+def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
     """Write one .mat file with SciPy.
 
     Parameters
@@ -50,7 +50,7 @@ def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], ta
     return [target]
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """Nested results in what MATLAB knows: structs, cells, numbers, text; None becomes an empty matrix."""
     if isinstance(value, dict):
         return {str(key)[:LONGEST]: _plain(entry) for key, entry in value.items()}

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
 from occontrol.files.atomic import replacing
 
 
-def write(problem: Any, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
+def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
     """Write one .npz file without pickles.
 
     Parameters

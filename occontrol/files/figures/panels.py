@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import FuncFormatter, LogLocator
 
+from occontrol.core.kinds import PlainMapping
 from occontrol.core.schedule import Schedule
 from occontrol.files.figures import style
 
@@ -137,7 +137,7 @@ def map_panel(
     positive = finite[finite > 0]
     if log and len(positive) and np.max(positive) > WIDE_RANGE * np.min(positive):
         low = max(float(np.min(positive)), float(np.max(positive)) * 1e-6)
-        norm: Any = LogNorm(low, float(np.max(positive)), clip=True)
+        norm: Normalize = LogNorm(low, float(np.max(positive)), clip=True)
         values = np.where(np.isfinite(values), np.maximum(values, low), np.nan)
     else:
         low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
@@ -155,7 +155,7 @@ def map_panel(
     bar.outline.set_visible(False)  # type: ignore[operator]
 
 
-def convergence_panel(axes: Axes, history: Sequence[Mapping[str, Any]], target: float | None = None) -> bool:
+def convergence_panel(axes: Axes, history: Sequence[PlainMapping], target: float | None = None) -> bool:
     """How the relative gap between cost and proven bound closed.
 
     Parameters
@@ -205,7 +205,7 @@ def _percent(value: float, position: int | None = None) -> str:
     return f"{100 * value:.3g} %"
 
 
-def history_columns(history: Sequence[Mapping[str, Any]]) -> tuple[np.ndarray, np.ndarray]:
+def history_columns(history: Sequence[PlainMapping]) -> tuple[np.ndarray, np.ndarray]:
     """Cost and bound of every record as arrays, not-a-number where a record has none.
 
     Parameters

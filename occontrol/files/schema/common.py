@@ -14,11 +14,15 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, WithJsonSchema
 
 from occontrol.core.errors import Collector, Path, ProblemError
+from occontrol.core.kinds import PlainDict
 from occontrol.core.signal import Signal
 from occontrol.files.plain_json import plain as plain  # for the schemas of the families
 from occontrol.files.schema.matrices import ENTRY, MATRIX_SCHEMA, MatrixReader
 from occontrol.files.schema.tables import TableFiles
 from occontrol.files.schema.words import model_at, real_path, shown, spell, suggest, translate, value_at
+
+Model = typing.TypeVar("Model", bound=BaseModel)
+Built = typing.TypeVar("Built")
 
 
 class Strict(BaseModel):
@@ -27,7 +31,7 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
-def _whole(value: Any) -> Any:
+def _whole(value: object) -> object:
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else value
 
 
@@ -73,7 +77,7 @@ class Context:
     stem : the problem's name when the document has none
     """
 
-    def __init__(self, data: Any, folder: FilePath | None = None, stem: str = "problem"):
+    def __init__(self, data: object, folder: FilePath | None = None, stem: str = "problem"):
         self.data, self.stem, self.found = data, stem, Collector()
         self.tables = TableFiles(folder, self.found)
         self.reader = MatrixReader(self.found, self.tables.load, self.name)
@@ -87,27 +91,27 @@ class Context:
             words = words.removeprefix(prefix)
         return words
 
-    def signal(self, value: Any, *path: str | int, variable: str = "t") -> Signal | None:
+    def signal(self, value: object, *path: str | int, variable: str = "t") -> Signal | None:
         """A matrix that may depend on `variable` (see core.signal); `rows` for formulas of several variables."""
         return self.reader.signal(value, path, (variable,))
 
-    def rows(self, value: Any, *path: str | int, variables: tuple[str, ...]) -> list[list[float | str]] | None:
+    def rows(self, value: object, *path: str | int, variables: tuple[str, ...]) -> list[list[float | str]] | None:
         """Rows of numbers and formulas of any of `variables`."""
         return self.reader.rows(value, path, variables)
 
-    def constant(self, value: Any, *path: str | int) -> np.ndarray | None:
+    def constant(self, value: object, *path: str | int) -> np.ndarray | None:
         """A constant matrix (rows, columns)."""
         return self.reader.constant(value, path)
 
-    def vector(self, value: Any, *path: str | int) -> np.ndarray | None:
+    def vector(self, value: object, *path: str | int) -> np.ndarray | None:
         """A list of numbers."""
         return self.reader.vector(value, path)
 
-    def entries(self, value: Any, *path: str | int, variables: tuple[str, ...] = ("t",)) -> list[float | str] | None:
+    def entries(self, value: object, *path: str | int, variables: tuple[str, ...] = ("t",)) -> list[float | str] | None:
         """A list of numbers and formulas."""
         return self.reader.entries(value, path, variables)
 
-    def attempt(self, build: Callable[..., Any], *prefix: str | int, **arguments: Any) -> Any:
+    def attempt(self, build: Callable[..., Built], *prefix: str | int, **arguments: object) -> Built | None:
         """build(**arguments), or None after its ProblemError was noted under `prefix`."""
         with self.found.under(*prefix):
             return build(**arguments)
@@ -121,7 +125,7 @@ class Context:
             self.found.add(("name",), f"name is {shown(name)}", "1 to 200 printable characters")
         return name
 
-    def method(self, value: Any, methods: typing.Mapping[str, type]) -> Any:
+    def method(self, value: object, methods: typing.Mapping[str, type]) -> Method | None:
         """An options object of the `methods` table from `name` or {name: .., option: ..}; None if nothing is given.
 
         What the method itself refuses when it is made is noted at its option.
@@ -174,7 +178,7 @@ class Context:
             return None
         return method if len(self.found.mistakes) == before else None
 
-    def expect(self, value: Any) -> dict[str, Any] | None:
+    def expect(self, value: object) -> PlainDict | None:
         """The known answer: words, finite numbers, and lists of them."""
         if value is None:
             return None
@@ -196,7 +200,7 @@ def _known(methods: typing.Mapping[str, type]) -> str:
     return "known: " + ", ".join(methods)
 
 
-def validate(model: type[BaseModel], data: Any, found: Collector, lacking: set[Path]) -> Any:
+def validate(model: type[Model], data: object, found: Collector, lacking: set[Path]) -> Model:
     """The document as a `model`; all mistakes are reported together.
 
     What is wrong but could be left out (unknown keys, optional values) is noted in `found` and left out; what is absent
@@ -239,12 +243,12 @@ def _stand_in(model: type[BaseModel], data: dict, path: Path) -> bool:
     return True
 
 
-def _without(data: Any, paths: list[Path]) -> Any:
+def _without(data: object, paths: list[Path]) -> object:
     """A copy in which the nearest key above each path is left out."""
     if not isinstance(data, dict):
         return data
     result = {}
-    beneath: dict[Any, list[Path]] = {}
+    beneath: dict[str | int, list[Path]] = {}
     for p in paths:
         if p:
             beneath.setdefault(p[0], []).append(p[1:])
@@ -261,7 +265,7 @@ def _without(data: Any, paths: list[Path]) -> Any:
     return result
 
 
-def options_document(method: Any) -> dict[str, Any] | None:
+def options_document(method: Any) -> PlainDict | None:
     """{name: .., options} of a method object; None for None."""
     if method is None:
         return None
@@ -270,6 +274,6 @@ def options_document(method: Any) -> dict[str, Any] | None:
     return {"name": method.name, **plain}
 
 
-def prune(document: dict[str, Any]) -> dict[str, Any]:
+def prune(document: PlainDict) -> PlainDict:
     """Without the keys whose value is None."""
     return {key: value for key, value in document.items() if value is not None}

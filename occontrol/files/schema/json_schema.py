@@ -6,12 +6,13 @@ import dataclasses
 import json
 import typing
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from pydantic import BaseModel, TypeAdapter
 
+from occontrol.core.kinds import PlainDict, PlainMapping
 
-def json_schema(title: str, documents: Sequence[type[BaseModel]], methods: Mapping[str, type]) -> dict[str, Any]:
+
+def json_schema(title: str, documents: Sequence[type[BaseModel]], methods: Mapping[str, type]) -> PlainDict:
     """The JSON Schema of problem files, with the names and options of the methods that they may name.
 
     Parameters
@@ -28,14 +29,14 @@ def json_schema(title: str, documents: Sequence[type[BaseModel]], methods: Mappi
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": title}
 
 
-def _method(name: str, options: type) -> dict[str, Any]:
+def _method(name: str, options: type) -> PlainDict:
     hints = typing.get_type_hints(options)
     fields = [f.name for f in dataclasses.fields(options) if f.init and f.name != "name"]
     properties = {"name": {"const": name}, **{field: TypeAdapter(hints[field]).json_schema() for field in fields}}
     return {"type": "object", "properties": properties, "required": ["name"], "additionalProperties": False}
 
 
-def text(schema: Mapping[str, Any]) -> str:
+def text(schema: PlainMapping) -> str:
     """The content of a shipped schema.json.
 
     Parameters

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import Collector, Path, ProblemError
 from occontrol.core.expression import parse_expression
+from occontrol.core.kinds import Plain, PlainDict
 from occontrol.core.signal import ConstantSignal, ExpressionSignal, Signal, TableSignal
 from occontrol.files.schema.tables import LARGEST, SHAPES, shape_fits
 from occontrol.files.schema.words import shown, suggest
@@ -25,11 +25,11 @@ _FORMS = (
 )
 _NEEDED = (("diag",), ("identity",), ("times", "values"), ("file", "times", "values"))
 
-ENTRY: dict[str, Any] = {"type": ["number", "string"]}
-_ROWS: dict[str, Any] = {"type": "array", "items": {"type": "array", "items": ENTRY}}
+ENTRY: PlainDict = {"type": ["number", "string"]}
+_ROWS: PlainDict = {"type": "array", "items": {"type": "array", "items": ENTRY}}
 
 
-def _form(properties: dict[str, Any], required: tuple[str, ...], title: str) -> dict[str, Any]:
+def _form(properties: PlainDict, required: tuple[str, ...], title: str) -> PlainDict:
     return {
         "title": title,
         "type": "object",
@@ -51,7 +51,7 @@ _FILE = {
     "values": {"type": "string"},
     "interpolation": _INTERPOLATION,
 }
-MATRIX_SCHEMA: dict[str, Any] = {
+MATRIX_SCHEMA: PlainDict = {
     "description": "list of rows (numbers or formulas), a bare number or formula for 1x1, diag, identity, or a table",
     "anyOf": [
         ENTRY,
@@ -83,7 +83,7 @@ class MatrixReader:
     def wrong(self, path: Path, what: str, hint: str = "", key: bool = False, of: Path | None = None) -> None:
         self.found.add(path, f"{self.name(path if of is None else of)}{what}", hint, key)
 
-    def entry(self, value: Any, path: Path, of: Path, where: str, variables: tuple[str, ...]) -> float | str | None:
+    def entry(self, value: object, path: Path, of: Path, where: str, variables: tuple[str, ...]) -> float | str | None:
         """A finite number or a checked formula."""
         if isinstance(value, str):
             try:
@@ -101,14 +101,14 @@ class MatrixReader:
             return None
         return float(value)
 
-    def signal(self, value: Any, path: Path, variables: tuple[str, ...] = ("t",)) -> Signal | None:
+    def signal(self, value: object, path: Path, variables: tuple[str, ...] = ("t",)) -> Signal | None:
         """The matrix at `path`, constant, of formulas (of one variable), or tabulated; None after a mistake."""
         signal = self._signal(value, path, variables)
         if signal is not None and path in _PLANT:
             self.states = signal.shape[0]
         return signal
 
-    def _signal(self, value: Any, path: Path, variables: tuple[str, ...]) -> Signal | None:
+    def _signal(self, value: object, path: Path, variables: tuple[str, ...]) -> Signal | None:
         if isinstance(value, dict):
             return self._mapping(value, path, variables)
         rows = self.rows(value, path, variables)
@@ -118,7 +118,7 @@ class MatrixReader:
             return ExpressionSignal(tuple(map(tuple, rows)), variables[0] if variables else "t")
         return _constant(np.array(rows, dtype=float))
 
-    def rows(self, value: Any, path: Path, variables: tuple[str, ...] = ("t",)) -> list[list[float | str]] | None:
+    def rows(self, value: object, path: Path, variables: tuple[str, ...] = ("t",)) -> list[list[float | str]] | None:
         """Rows of numbers and formulas (of any of `variables`), for whoever builds a function from them."""
         if isinstance(value, dict) and ("diag" in value or "identity" in value):
             return self._square(value, path, variables)
@@ -146,12 +146,12 @@ class MatrixReader:
         ]
         return None if any(e is None for row in result for e in row) else result  # type: ignore[return-value]
 
-    def vector(self, value: Any, path: Path) -> np.ndarray | None:
+    def vector(self, value: object, path: Path) -> np.ndarray | None:
         """A list of numbers (a bare number is a list of one)."""
         entries = self.entries(value, path, ())
         return None if entries is None else np.array(entries, dtype=float)
 
-    def entries(self, value: Any, path: Path, variables: tuple[str, ...] = ("t",)) -> list[float | str] | None:
+    def entries(self, value: object, path: Path, variables: tuple[str, ...] = ("t",)) -> list[float | str] | None:
         """A list of numbers and, when there are variables, formulas."""
         items = value if isinstance(value, list) else [value]
         if value is None or not items:
@@ -169,7 +169,7 @@ class MatrixReader:
                 result.append(self.entry(e, (*path, i), path, where, variables))
         return None if any(e is None for e in result) else result  # type: ignore[return-value]
 
-    def constant(self, value: Any, path: Path) -> np.ndarray | None:
+    def constant(self, value: object, path: Path) -> np.ndarray | None:
         """A matrix that may not depend on time; formulas without variables are allowed."""
         if isinstance(value, dict) and ("times" in value or "file" in value):
             self.wrong(path, " is a table, it must be constant")
@@ -261,7 +261,7 @@ class MatrixReader:
                 self.found.add((*path, *m.path), f"{self.name(path)}: {m.what}", m.hint)
             return None
 
-    def _stack(self, values: Any, path: Path) -> np.ndarray | None:
+    def _stack(self, values: Plain, path: Path) -> np.ndarray | None:
         """(K, rows, columns) from a list of matrices of numbers."""
         try:
             kinds = {type(e) for matrix in values for row in matrix for e in row}
@@ -284,7 +284,7 @@ class MatrixReader:
         return np.array(matrices)
 
 
-def _size(matrix: Any) -> str:
+def _size(matrix: np.ndarray) -> str:
     return f"{matrix.shape[0]}x{matrix.shape[1]}"
 
 

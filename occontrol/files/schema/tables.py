@@ -6,7 +6,6 @@ import math
 import zipfile
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 
@@ -59,7 +58,7 @@ class TableFiles:
         self.refused: set[str] = set()
 
     def load(
-        self, file: Any, array: Any, path: Path, judge: Callable[[tuple[int, ...]], bool] = lambda shape: True
+        self, file: object, array: object, path: Path, judge: Callable[[tuple[int, ...]], bool] = lambda shape: True
     ) -> np.ndarray | None:
         """The array, or None after its mistake was noted; path is that of the array's name.
 

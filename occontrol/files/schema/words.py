@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from occontrol.core.errors import Mistake, Path
 from occontrol.core.errors import suggest as closest
+from occontrol.core.kinds import Plain
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 _WANTED = {
     "float_type": "a number",
@@ -38,7 +42,7 @@ _LIMITS = {
 }
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A value as the user may recognise it: true, the number 3, the text 'abc', a list, a mapping, nothing."""
     if value is None:
         return "empty"
@@ -60,7 +64,7 @@ def suggest(word: str, known: Iterable[str]) -> str:
     return closest(word, known, "known")
 
 
-def spell(path: Sequence[str | int], data: Any = None) -> str:
+def spell(path: Sequence[str | int], data: object = None) -> str:
     """A path in words: "horizon.end", "C of sensor 'radar'", "windows[1] of sensor 'radar'"."""
     if len(path) >= 2 and isinstance(path[0], str) and isinstance(path[1], int):
         items = data.get(path[0]) if isinstance(data, dict) else None
@@ -79,7 +83,7 @@ def _dotted(path: Sequence[str | int]) -> str:
     return text
 
 
-def real_path(location: Sequence[str | int], data: Any) -> Path:
+def real_path(location: Sequence[str | int], data: object) -> Path:
     """A pydantic location without the tags that unions put into it."""
     path: list[str | int] = []
     for depth, step in enumerate(location):
@@ -97,7 +101,7 @@ def real_path(location: Sequence[str | int], data: Any) -> Path:
     return tuple(path)
 
 
-def value_at(data: Any, path: Sequence[str | int]) -> Any:
+def value_at(data: object, path: Sequence[str | int]) -> Plain:
     """What stands at a path; None if nothing does."""
     for step in path:
         try:
@@ -107,7 +111,7 @@ def value_at(data: Any, path: Sequence[str | int]) -> Any:
     return data
 
 
-def model_at(model: Any, path: Sequence[str | int]) -> type[BaseModel] | None:
+def model_at(model: object, path: Sequence[str | int]) -> type[BaseModel] | None:
     """The pydantic model that describes the value at a path."""
     for step in path:
         if isinstance(step, int):
@@ -119,7 +123,7 @@ def model_at(model: Any, path: Sequence[str | int]) -> type[BaseModel] | None:
     return _model_in(model)
 
 
-def _model_in(annotation: Any) -> type[BaseModel] | None:
+def _model_in(annotation: object) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for argument in get_args(annotation):
@@ -132,7 +136,7 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 MOST_UNKNOWN_KEYS = 20  # unknown keys of one mapping that are listed
 
 
-def translate(error: ValidationError, model: type[BaseModel], data: Any) -> list[Mistake]:
+def translate(error: ValidationError, model: type[BaseModel], data: object) -> list[Mistake]:
     """Every validation error as a mistake in the house's words; one for each place, of unknown keys the first few."""
     found: dict[Path, Mistake] = {}
     unknown: dict[Path, int] = {}  # how many, by the mapping that they stand in
@@ -176,7 +180,7 @@ def _description(model: type[BaseModel], path: Path) -> str:
     return ""
 
 
-def _predicate(kind: str, context: dict, error: Any) -> str:
+def _predicate(kind: str, context: dict, error: ErrorDetails) -> str:
     value = error["input"]
     if kind in _WANTED:
         return f"is {shown(value)}, it must be {_WANTED[kind]}"
@@ -194,7 +198,7 @@ def _predicate(kind: str, context: dict, error: Any) -> str:
     return f"is not valid: {error['msg'][:1].lower()}{error['msg'][1:]}"
 
 
-def _hint(kind: str, error: Any) -> str:
+def _hint(kind: str, error: ErrorDetails) -> str:
     value = error["input"]
     if isinstance(value, str) and kind in ("float_type", "int_type"):
         try:

@@ -10,9 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
 from math import comb
-from typing import Any
 
 import numpy as np
+
+from occontrol.core.kinds import PlainDict
 
 MOST_SETS = 400  # sets of sensors that may be in use together
 
@@ -90,7 +91,7 @@ class Rules:
         select : how many are used at a time
         """
         M = len(names)
-        each: dict[str, Any] = {name: np.full(M, value) for name, value in EACH.items()}
+        each: PlainDict = {name: np.full(M, value) for name, value in EACH.items()}
         idle = np.asarray(idle, dtype=bool)
         return cls(names, idle, select, **each, switch_cost=np.zeros((M, M)), switch_delay=np.zeros((M, M)))
 

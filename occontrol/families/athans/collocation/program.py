@@ -10,10 +10,9 @@ coordinates), then sum_j v_kj = select.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from occontrol.core.kinds import Casadi, CasadiFunction, CasadiSparsity
 from occontrol.core.monitor import Monitor
 from occontrol.families.athans.collocation.mesh import Mesh
 from occontrol.families.athans.hamiltonian import canonical_equations, information_rates
@@ -37,7 +36,7 @@ class Transcription:
         self.frames = frames(mesh.ends[1:])
         self.inverses = np.linalg.inv(self.frames)
 
-    def _element(self) -> Any:
+    def _element(self) -> CasadiFunction:
         """Residuals (packed, unknown) and cost of one element, from the symbolic Hamiltonian."""
         import casadi
 
@@ -170,7 +169,7 @@ class Transcription:
         start = np.concatenate([weights.ravel(), vech(np.linalg.inv(state) if self.information else state).ravel()])
         return solve_nlp(program, start, options, monitor)
 
-    def _jacobian(self, element: Any, inputs: tuple, free: np.ndarray) -> Any:
+    def _jacobian(self, element: CasadiFunction, inputs: tuple, free: np.ndarray) -> Casadi:
         """The constraints' Jacobian, put together from the elements' dense blocks.
 
         CasADi would find it by some hundred sweeps through all elements, twenty times the work.
@@ -242,7 +241,7 @@ def frames(covariances: np.ndarray) -> np.ndarray:
     return scale[:, :, None] * np.linalg.cholesky(lifted)
 
 
-def _pattern(shape: tuple[int, int], rows: np.ndarray, columns: np.ndarray) -> tuple[Any, list[int]]:
+def _pattern(shape: tuple[int, int], rows: np.ndarray, columns: np.ndarray) -> tuple[CasadiSparsity, list[int]]:
     """CasADi's sparsity of entries at (rows, columns), each once, and the order in which it wants them."""
     import casadi
 

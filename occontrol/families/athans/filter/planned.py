@@ -6,17 +6,15 @@ the sampled plant is the matched filter, because a sample stays the average over
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
+from occontrol.core.kinds import PlainMapping
 from occontrol.core.schedule import Schedule
 from occontrol.families.athans.filter.gains import MAX_BYTES
 from occontrol.families.athans.problem import SchedulingProblem
 
 
-def default_model(result: Mapping[str, Any]) -> str:
+def default_model(result: PlainMapping) -> str:
     """The filter that a result belongs to: "split", or "exact" where an interval has several steps of integration.
 
     Parameters

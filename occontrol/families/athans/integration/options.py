@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import Mistake
+from occontrol.core.kinds import PlainDict
 
 LEAST_ACCURACY = 1e-6  # of the accuracy that follows from the method's relative gap
 SHARE_OF_GAP = 0.1
@@ -59,6 +59,6 @@ class Integration:
         """
         return self.accuracy if self.accuracy is not None else max(SHARE_OF_GAP * relative_gap, LEAST_ACCURACY)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> PlainDict:
         """The options that are not left out, for a problem file."""
         return {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.families.athans.found import Found
 from occontrol.scheduling.extraction import ExtractedSweep, extraction
@@ -23,7 +22,7 @@ PATIENCE = 12
 
 
 def tighten(
-    sweep: Sweep, allowed: IntervalPolytopes, found: Found, method: Any, monitor: Monitor, keep: bool = False
+    sweep: Sweep, allowed: IntervalPolytopes, found: Found, method: Method, monitor: Monitor, keep: bool = False
 ) -> Found:
     """What a method found, with a better bound where one can be had for a little work, and any better schedule.
 

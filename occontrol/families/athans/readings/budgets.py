@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from occontrol.core.errors import UsageError
+from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.methods import Relaxed, RelaxRoundPolish
@@ -26,7 +25,7 @@ MOST_FLOPS = 1.5e9  # of trying all schedules
 MOST = 400  # schedules of the relaxation
 
 
-def with_budget(sweep: Sweep, allowed: BudgetSet, method: Any, monitor: Monitor, bound: bool = False) -> Found:
+def with_budget(sweep: Sweep, allowed: BudgetSet, method: Method, monitor: Monitor, bound: bool = False) -> Found:
     """The method's policy of readings that keeps the budget, with the relaxation beside it.
 
     Parameters

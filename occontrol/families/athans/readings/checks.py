@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def selection(
-    value: Any, budget: Mapping[str, int] | None, sensors: Sequence[Sensor], readings: int, epoch: int = 1
+    value: object, budget: Mapping[str, int] | None, sensors: Sequence[Sensor], readings: int, epoch: int = 1
 ) -> tuple[tuple[int, int], list[Mistake]]:
     """How many sensors give a reading at a time, (least, most), and what is wrong with the statement.
 

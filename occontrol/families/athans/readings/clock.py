@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.clock import elapsed, tolerance
 from occontrol.core.errors import Collector
+from occontrol.core.kinds import VectorField
 
 MOST_READINGS = 1_000_000
 
@@ -26,8 +26,8 @@ class Steps:
     Raises ProblemError for numbers that are not whole and above 0.
     """
 
-    steps: Any
-    epoch: Any = 1
+    steps: int
+    epoch: int = 1
     variable: str = field(default="k", init=False)
 
     def __post_init__(self) -> None:
@@ -79,7 +79,7 @@ class SampleTimes:
     Raises ProblemError for times that do not increase or lie outside.
     """
 
-    times: Any
+    times: VectorField
     start: float
     end: float
     variable: str = field(default="t", init=False)

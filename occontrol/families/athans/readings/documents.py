@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from occontrol.core.kinds import PlainMapping
 from occontrol.families.athans.schema_parts import Initial, Plant, Select, sensor_kind
 from occontrol.files.schema.common import Expect, Matrix, Method, Strict, Whole
 
@@ -116,7 +117,7 @@ class SamplesDocument(Strict):
 DOCUMENTS = (StepsDocument, SamplesDocument)
 
 
-def document_for(data: Mapping[str, Any]) -> type[Strict] | None:
+def document_for(data: PlainMapping) -> type[Strict] | None:
     """Which of the two documents a file is; None for continuous sensing.
 
     Parameters

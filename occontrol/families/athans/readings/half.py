@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from occontrol.core.errors import Mistake, UsageError
+from occontrol.core.kinds import PlainDict
+from occontrol.core.method import Method
 from occontrol.families.athans.rate import RateFamily, schedule_of
 from occontrol.families.athans.readings.problem import ReadingsProblem
 
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 class ReadingsFamily(RateFamily):
     """Which sensors give a reading at every instant."""
 
-    def solve(self, problem: ReadingsProblem, method: Any, monitor: Monitor) -> Solution:
+    def solve(self, problem: ReadingsProblem, method: Method, monitor: Monitor) -> Solution:
         """Run `method` on the problem's recursion, which is the problem itself, and certify what it found.
 
         The status is certified, feasible, limit, interrupted or disagrees. Raises UsageError for collocation,
@@ -103,7 +105,9 @@ class ReadingsFamily(RateFamily):
             )
         return run_filter(problem, schedule_of(solution), measurements, gate)
 
-    def online(self, problem: ReadingsProblem, solution: Solution | None = None, method: Any = None) -> MatchedFilter:
+    def online(
+        self, problem: ReadingsProblem, solution: Solution | None = None, method: Method | None = None
+    ) -> MatchedFilter:
         """The filter for a loop on a target, along the solution's schedule: one step a reading time.
 
         Raises UsageError without a solution.
@@ -115,7 +119,7 @@ class ReadingsFamily(RateFamily):
             raise UsageError(f"{what}\n  hint: online(problem, solve(problem))")
         return matched_filter(problem, schedule_of(solution))
 
-    def filter_tables(self, problem: ReadingsProblem, solution: Solution) -> dict[str, Any]:
+    def filter_tables(self, problem: ReadingsProblem, solution: Solution) -> PlainDict:
         """The filter as plain arrays, see filter/tables.py."""
         from occontrol.families.athans.readings.filter import reading_tables
 

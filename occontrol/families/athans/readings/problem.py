@@ -6,18 +6,20 @@ J = alpha sum_kj q_kj v_kj + sum_k tr(R_k S(k|k)) + tr(W S),    W = D'D on the l
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from occontrol.core.checks import check_shape
 from occontrol.core.errors import Collector, InfeasibleError, Mistake, plural
+from occontrol.core.kinds import Kept, OptionalSignalField, PlainMapping, SignalField, unless_given
+from occontrol.core.method import Method
 from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.reading_schedule import ReadingSchedule
-from occontrol.core.sensor import IDLE, SensorSuite, idle_sensor
+from occontrol.core.sensor import IDLE, Sensor, SensorSuite, idle_sensor
 from occontrol.core.signal import Signal, TableSignal, as_signal
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.readings.checks import missed_readings, selection, values
@@ -53,19 +55,19 @@ class ReadingsProblem(AthansProblem):
     """
 
     name: str
-    plant: Any
-    sensors: Any
+    plant: LinearPlant | DiscretePlant
+    sensors: Kept[Sequence[Sensor], SensorSuite[Sensor]]
     clock: Steps | SampleTimes
-    output: Any
+    output: SignalField
     predict_at: float | None = None
     at: str | None = None
     cost_weight: float = 1.0
-    running: Any = None
+    running: OptionalSignalField = unless_given(None)
     running_at: str | None = None
-    select: Any = 1
+    select: Kept[int | Sequence[int], tuple[int, int]] = unless_given(1)
     budget: Mapping[str, int] | None = None
-    method: Any = None
-    expect: Mapping[str, Any] | None = None
+    method: Method | None = None
+    expect: PlainMapping | None = None
     family: str = field(default="athans", init=False)
     takes_readings: ClassVar[bool] = True
     warnings: tuple[str, ...] = field(default=(), init=False, repr=False)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from occontrol.core.errors import Path, ProblemError
+from occontrol.core.kinds import PlainDict
 from occontrol.core.plant import DiscretePlant
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal, Signal
@@ -159,7 +158,7 @@ def _sensor(entry: StepsSensor | SamplesSensor | str, j: int, states: int, varia
     cost = context.signal(entry.cost, "sensors", j, "cost", variable=variable)
     sensor, known = None, len(context.found.mistakes)
     if C is not None and noise is not None and cost is not None:
-        given: dict[str, Any] = {"C": C, "noise": noise, "cost": cost, "windows": entry.windows, "variable": variable}
+        given: PlainDict = {"C": C, "noise": noise, "cost": cost, "windows": entry.windows, "variable": variable}
         sensor = context.attempt(Sensor, "sensors", j, name=entry.name, **given)
     if isinstance(entry, StepsSensor):
         context.found.mistakes[known:] = [_in_letters(m, j) for m in context.found.mistakes[known:]]
@@ -190,11 +189,11 @@ def _reading_noise(entry: SamplesSensor, j: int, context: Context) -> Signal | N
     return context.signal(entry.noise if key == "noise" else entry.variance, *path, key)
 
 
-def document(problem: ReadingsProblem) -> dict[str, Any]:
+def document(problem: ReadingsProblem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
     clock, plant, least_most = problem.clock, problem.plant, list(problem.select)
     if isinstance(clock, Steps):
-        horizon: dict[str, Any] = {"steps": clock.steps, "epoch": clock.epoch}
+        horizon: PlainDict = {"steps": clock.steps, "epoch": clock.epoch}
         system = {"F": plant.F.document(), "G": or_none(plant.G), "Q": plant.Q.document()}
         system["initial"] = {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()}
     else:
@@ -226,7 +225,7 @@ def document(problem: ReadingsProblem) -> dict[str, Any]:
     return prune(result)
 
 
-def _sensor_document(sensor: Sensor, discrete: bool) -> Any:
+def _sensor_document(sensor: Sensor, discrete: bool) -> PlainDict | str:
     if sensor.name == IDLE and sensor.is_idle:
         return IDLE
     windows = None if sensor.windows is None else [list(window) for window in sensor.windows]

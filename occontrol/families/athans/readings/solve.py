@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from occontrol.core import stopwatch
 from occontrol.core.errors import UsageError
+from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution
 from occontrol.families.athans.found import Found, relax
@@ -21,7 +20,7 @@ from occontrol.scheduling.budget import BudgetSet
 from occontrol.scheduling.sweep import Sweep
 
 
-def solve(problem: ReadingsProblem, method: Any, monitor: Monitor) -> Solution:
+def solve(problem: ReadingsProblem, method: Method, monitor: Monitor) -> Solution:
     """Run `method` on the problem's recursion and certify what it found.
 
     Parameters

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import SolveFailed
+from occontrol.core.kinds import PlainDict
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
@@ -65,7 +65,7 @@ class Outcome:
     target: float = 1e-4
     gap: float = 1e-6
     exact: bool = False
-    extra: dict[str, Any] = field(default_factory=dict)
+    extra: PlainDict = field(default_factory=dict)
 
 
 def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor, started: float) -> Solution:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Sequence
+from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag
 
@@ -34,7 +35,7 @@ class Before(Strict):
     elapsed: float = Field(alias="for", description="for: the time that it has been on")
 
 
-def _kind(value: Any) -> str:
+def _kind(value: object) -> str:
     return "word" if isinstance(value, str) else "table" if isinstance(value, dict) else "number"
 
 
@@ -58,7 +59,7 @@ class ConstraintKeys(Strict):
     max_error: float | None = None
 
 
-def constraints(keys: ConstraintKeys | None, sensors: list[Any]) -> Constraints | None:
+def constraints(keys: ConstraintKeys | None, sensors: Sequence[object]) -> Constraints | None:
     """The rules that a document states; None where it states none.
 
     Parameters

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import Collector, Mistake, suggest
+from occontrol.core.kinds import Plain, PlainDict
+from occontrol.core.sensor import Sensor
 from occontrol.scheduling.rules.rules import EACH, Rules
 
 SHARED = ("min_on", "min_off", "max_uses", "max_time", "max_share")
@@ -41,7 +42,7 @@ class SensorRules:
     duty: tuple[float, float] | None = None
     revisit: float | None = None
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> PlainDict:
         """The keys of a sensor in a problem file."""
         found = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) is not None}
         if self.duty is not None:
@@ -85,7 +86,7 @@ class Constraints:
         """Whether a change may take time."""
         return any(t > 0 for row in (self.switch_delay or {}).values() for t in row.values())
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> PlainDict:
         """The key `constraints` of a problem file."""
         names = [f.name for f in fields(self) if f.name not in ("sensors", "before")]
         found = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
@@ -93,11 +94,11 @@ class Constraints:
         return {name: _plain(value) for name, value in {**found, "before": before}.items()}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Plain) -> Plain:
     return {k: _plain(v) for k, v in value.items()} if isinstance(value, Mapping) else value
 
 
-def mistakes(rules: Constraints | None, minimise: str, sensors: Sequence[Any], select: int) -> list[Mistake]:
+def mistakes(rules: Constraints | None, minimise: str, sensors: Sequence[Sensor], select: int) -> list[Mistake]:
     """What is wrong with the rules of a problem, by their places in its file.
 
     Parameters
@@ -136,7 +137,7 @@ def mistakes(rules: Constraints | None, minimise: str, sensors: Sequence[Any], s
     return found.mistakes
 
 
-def _values(found: Collector, rules: Any, place: tuple, of: str) -> None:
+def _values(found: Collector, rules: Constraints | SensorRules, place: tuple, of: str) -> None:
     for f in fields(rules):
         value, name = getattr(rules, f.name), f.name
         if value is None or isinstance(value, Mapping | str) or name == "before":
@@ -149,7 +150,7 @@ def _values(found: Collector, rules: Any, place: tuple, of: str) -> None:
             found.add((*place, name), f"{name}{of} is {value}", hint)
 
 
-def _number(value: Any) -> bool:
+def _number(value: object) -> bool:
     return bool(np.isfinite(value)) and value >= 0
 
 
@@ -171,7 +172,7 @@ def _tables(found: Collector, rules: Constraints, names: list[str], select: int)
                     found.add((*place, one, other), f"{key} from '{one}' to '{other}' is {value}", "at least 0")
 
 
-def resolve(rules: Constraints | None, sensors: Sequence[Any], select: int, horizon: float) -> Rules:
+def resolve(rules: Constraints | None, sensors: Sequence[Sensor], select: int, horizon: float) -> Rules:
     """The rules as numbers for every sensor.
 
     Parameters
@@ -199,7 +200,7 @@ def resolve(rules: Constraints | None, sensors: Sequence[Any], select: int, hori
             each["max_time"][j] = min(each["max_time"][j], stated["max_share"] * horizon)
         if own.duty is not None:
             each["duty_window"][j], each["duty_time"][j] = own.duty
-    more: dict[str, Any] = {"max_switches": rules.max_switches, "enforce": rules.after == "enforce"}
+    more: PlainDict = {"max_switches": rules.max_switches, "enforce": rules.after == "enforce"}
     if isinstance(rules.switch_cost, Mapping):
         more["switch_cost"] = _table(rules.switch_cost, names)
     elif rules.switch_cost is not None:
