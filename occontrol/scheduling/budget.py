@@ -85,7 +85,7 @@ class BudgetSet(IntervalPolytopes):
     def _single(self, price: np.ndarray) -> np.ndarray:
         """The cheapest transport of every sensor's readings onto instants with room for `select` of them."""
         N, M = price.shape
-        names = [self.names[j] for j in self.real]
+        names = [self.names[int(j)] for j in self.real]
         wanted = [self.budget.get(name) for name in names]
         chosen = np.zeros((N, M))
         if self.select >= M:  # instants have room for all: every sensor by itself

@@ -19,8 +19,11 @@ class Objective(Protocol):
     forward_count, backward_count : evaluations of the cost and of the gradient so far
     """
 
-    forward_count: int
-    backward_count: int
+    @property
+    def forward_count(self) -> int: ...
+
+    @property
+    def backward_count(self) -> int: ...
 
     @property
     def shape(self) -> tuple[int, int]: ...

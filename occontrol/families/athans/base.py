@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from occontrol.core.kinds import Kept, PlainMapping
+import numpy as np
+
+from occontrol.core.kinds import Kept, OptionalVectorLike, PlainMapping
 from occontrol.core.method import Method
 from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.problem import BaseProblem
@@ -23,6 +25,9 @@ class AthansProblem(BaseProblem):
     cost_weight : alpha
     method : an options object of the family's METHODS, or None for the default
     expect : {source, cost, tolerance}, the known answer, if any
+    edges : (N+1,) of the intervals, in the unit of time
+    states, places : n, and how many sensors are used at a time
+    intervals, readings : N, of continuous sensing and of readings at instants
     """
 
     takes_readings: ClassVar[bool] = False
@@ -32,3 +37,8 @@ class AthansProblem(BaseProblem):
     cost_weight: float
     method: Method | None
     expect: PlainMapping | None
+    states: int
+    places: int
+    intervals: int
+    readings: int
+    edges: Kept[OptionalVectorLike, np.ndarray]

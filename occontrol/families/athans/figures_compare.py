@@ -9,16 +9,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from occontrol.core.solution import Solution
-from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.families.athans.base import AthansProblem
 from occontrol.files.figures import style
 
 
-def sizes(problem: SchedulingProblem) -> str:
+def sizes(problem: AthansProblem) -> str:
     """The size of a problem in words.
 
     Parameters
     ----------
-    problem : SchedulingProblem
+    problem : AthansProblem
     """
 
     def count(number: int, word: str) -> str:
@@ -34,12 +34,12 @@ def sizes(problem: SchedulingProblem) -> str:
     return " · ".join(parts)
 
 
-def draw_compare(problem: SchedulingProblem, solutions: Mapping[str, Solution]) -> Figure:
+def draw_compare(problem: AthansProblem, solutions: Mapping[str, Solution]) -> Figure:
     """Cost of several methods against the best bound that any of them proved, with their schedules.
 
     Parameters
     ----------
-    problem : SchedulingProblem
+    problem : AthansProblem
     solutions : Solution by method name
     """
     with style.house_style():
@@ -66,7 +66,7 @@ def draw_compare(problem: SchedulingProblem, solutions: Mapping[str, Solution]) 
         return figure
 
 
-def _compared_schedules(axes: Axes, problem: SchedulingProblem, solutions: Mapping[str, Solution]) -> None:
+def _compared_schedules(axes: Axes, problem: AthansProblem, solutions: Mapping[str, Solution]) -> None:
     """One row per method, the sensors stacked by weight in their colours."""
     colours = style.sensor_colours(problem.sensors.names)
     many = len(set(colours)) < len(colours)

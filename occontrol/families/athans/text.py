@@ -49,6 +49,6 @@ def summarise(solution: Solution) -> list[tuple[str, str]]:
     observed = f"observation {r.observation_cost:.6g} x {r.cost_weight:g}"
     parts = f"{observed}, running {r.running_cost:.6g}, prediction {r.prediction_error:.6g}{changed}"
     lines.append(("parts", parts))
-    singular = f"singular on {100 * r.singular_fraction:.3g} % of the horizon"
-    lines.append(("switches", f"{r.switches}   {singular}"))
+    singular = "" if r.singular_fraction is None else f"   singular on {100 * r.singular_fraction:.3g} % of the horizon"
+    lines.append(("switches", f"{r.switches}{singular}"))
     return lines

@@ -95,7 +95,7 @@ class Front:
         names = tuple(self.problem.sensors.names)
         points = []
         for i, alpha in enumerate(self.cost_weights):
-            make = self.problem.make_schedule if self.problem.takes_readings else partial(Schedule, names=names)
+            make = getattr(self.problem, "make_schedule", None) or partial(Schedule, names=names)
             schedule = make(self.problem.edges, self.schedules.weights[i])
             cost, bound = float(self.schedules.cost[i]), float(self.lower_bound[i])
             points.append(

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
+import operator
 import typing
 from collections.abc import Mapping, Sequence
 
@@ -21,7 +23,7 @@ def json_schema(title: str, documents: Sequence[type[BaseModel]], methods: Mappi
     documents : pydantic models; a file is one of them
     methods : {name: dataclass of options}
     """
-    schema = TypeAdapter(typing.Union[tuple(documents)]).json_schema()  # noqa: UP007
+    schema = TypeAdapter(functools.reduce(operator.or_, documents)).json_schema()
     forms = [_method(name, options) for name, options in methods.items()]
     for form in [schema, *schema.get("$defs", {}).values()]:
         if methods and "method" in form.get("properties", {}):

@@ -8,11 +8,13 @@ first one and from the last one to the end; a running integral becomes the charg
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
 from occontrol.core.signal import Signal
 from occontrol.families.athans.discretise import scaled_rows
+from occontrol.families.athans.readings.clock import SampleTimes
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.readings.span_charges import charged_spans
 from occontrol.numerics.balance import StateUnits, balancing
@@ -97,7 +99,7 @@ def _steps(problem: ReadingsProblem, S0: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def _samples(problem: ReadingsProblem, S0: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """F, Q (N+1, n, n) between readings, the charges (N, n, n) of the running weight, and its constant."""
-    n, since, start = problem.states, problem.clock.since, problem.clock.start
+    n, since, start = problem.states, cast(SampleTimes, problem.clock).since, problem.clock.start
     a, b = since[:-1], since[1:]
     if problem.running is None or problem.running_at != "integral":
         F, Q = transitions(problem.plant.A, problem.plant.noise, a, b, start)
@@ -117,7 +119,7 @@ def terminal_weight(problem: ReadingsProblem) -> tuple[np.ndarray, float]:
     D = problem.output.at(problem.output_at)
     if problem.discrete:
         return D.T @ D, 0.0
-    start, last = problem.clock.start, problem.clock.since[-1:]
+    start, last = problem.clock.start, cast(SampleTimes, problem.clock).since[-1:]
     at = np.array([float(problem.predict_at or 0.0) - start])
     F, Q = transitions(problem.plant.A, problem.plant.noise, np.minimum(last, at), at, start)
     predicted = D @ F[0]

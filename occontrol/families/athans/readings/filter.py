@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from occontrol.families.athans.filter.predictor import Predictor
 from occontrol.families.athans.filter.sampled_model import SampledModel, driven_transitions
 from occontrol.families.athans.filter.simulate import draw
 from occontrol.families.athans.filter.tables import tables_of
+from occontrol.families.athans.readings.clock import SampleTimes
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.numerics.linalg import square_root
 from occontrol.numerics.transition import transitions
@@ -134,7 +136,7 @@ def _between(problem: ReadingsProblem) -> tuple[np.ndarray, np.ndarray, np.ndarr
         if problem.at == "posterior":
             F[N], Q[N] = np.eye(n), 0.0
         return F, np.zeros((N + 1, n)), Q
-    since, start = problem.clock.since, problem.clock.start
+    since, start = cast(SampleTimes, problem.clock).since, problem.clock.start
     F, Q = transitions(plant.A, plant.noise, since[:-1], since[1:], start)
     g = np.zeros((N + 1, n))
     if plant.B is not None:

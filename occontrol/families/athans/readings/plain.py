@@ -11,9 +11,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import cast
 
 import numpy as np
 
+from occontrol.families.athans.readings.clock import SampleTimes
 from occontrol.families.athans.readings.problem import ReadingsProblem
 
 EXTENDED = 24  # states up to which extended precision is fast enough
@@ -105,7 +107,7 @@ class _Gaps:
             self._F, self._Q = plant.F.sample(k), plant.Q.sample(k)
             self._G = None if plant.G is None else plant.G.sample(k)
             return
-        start, since = problem.clock.start, problem.clock.since
+        start, since = problem.clock.start, cast(SampleTimes, problem.clock).since
         self._integral = problem.running is not None and problem.running_at == "integral"
         self._Phi, self._N, self._M, self._c = _integrated(problem, since[:-1], since[1:], self._integral)
         last = float(problem.predict_at or 0.0) - start
