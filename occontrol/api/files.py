@@ -145,7 +145,7 @@ def read_schedule(path: str | Path, problem: BaseProblem) -> Schedule:
     return data_files.read_schedule(path, problem, read_run)
 
 
-def read_measurements(path: str | Path, problem: BaseProblem = None) -> list[Measurement]:
+def read_measurements(path: str | Path, problem: BaseProblem | None = None) -> list[Measurement]:
     """The samples of a measurement file, in the order of time.
 
     Parameters

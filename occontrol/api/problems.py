@@ -192,7 +192,9 @@ def estimate_figures(
     return family_of(problem).estimate_figures(problem, solution, estimate, truth)
 
 
-def plot(solution: Solution, problem: BaseProblem = None, figure: str | None = None) -> dict[str, Figure] | Figure:
+def plot(
+    solution: Solution, problem: BaseProblem | None = None, figure: str | None = None
+) -> dict[str, Figure] | Figure:
     """Pictures of a solution, as matplotlib Figures.
 
     Parameters

@@ -108,7 +108,7 @@ def _refuse_inputs(out: Path, *inputs: Path | None) -> None:
     refuse_same([out / name for name in KNOWN], inputs)
 
 
-def _is_listed(run: Path, problem: BaseProblem, schedule: Schedule) -> bool:
+def _is_listed(run: Path, problem: BaseProblem, schedule: Schedule | None) -> bool:
     """Whether the schedule that result.json lists for the eye is that of the arrays."""
     import numpy as np
 

@@ -95,5 +95,5 @@ class OnlineLoop(Protocol):
     """What runs in a loop on a target, such as MatchedFilter: each family's own class says what it takes and gives."""
 
     def step(self, measurements: Mapping[str, np.ndarray] | None = None) -> Step:
-        """The estimate after the values (m,) of the sensors that were read, and what to measure next."""
+        """The estimate and what to measure next, after `measurements` (m,) by the name of each sensor that was read."""
         ...

@@ -12,6 +12,12 @@ from occontrol.core.kinds import PlainDict
 from occontrol.core.problem import BaseProblem
 
 
+class Options(Protocol):
+    """Options of something that has a name, such as a method."""
+
+    name: ClassVar[str]
+
+
 @runtime_checkable
 class Method(Protocol):
     """A method as a value.
@@ -23,7 +29,7 @@ class Method(Protocol):
 
     name: ClassVar[str]
 
-    def check(self, problem: BaseProblem) -> Sequence[Mistake]:
+    def check(self, problem: Any) -> Sequence[Mistake]:
         """What is wrong with these options for `problem`, paths below `method`; empty when they fit."""
         return ()
 
@@ -33,7 +39,7 @@ class Method(Protocol):
 
 
 def check_options(
-    method: Method,
+    method: Options,
     positive: Sequence[str] = (),
     at_least: dict[str, float] | None = None,
     one_of: dict | None = None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar, overload
+from typing import Protocol, SupportsIndex, TypeVar, overload
 
 import numpy as np
 
@@ -189,10 +189,10 @@ class SensorSuite(Sequence[SensorKind]):
         return len(self.sensors)
 
     @overload
-    def __getitem__(self, index: int) -> SensorKind: ...
+    def __getitem__(self, index: SupportsIndex) -> SensorKind: ...
     @overload
     def __getitem__(self, index: slice) -> Sequence[SensorKind]: ...
-    def __getitem__(self, index: int | slice) -> SensorKind | Sequence[SensorKind]:
+    def __getitem__(self, index: SupportsIndex | slice) -> SensorKind | Sequence[SensorKind]:
         return self.sensors[index]
 
     def __iter__(self) -> Iterator[SensorKind]:

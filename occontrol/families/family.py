@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
 
 from occontrol.core.claims import Claims
 from occontrol.core.errors import Mistake, UsageError
@@ -125,7 +125,7 @@ class Family(Protocol):
         """What is wrong with the options of `method` for `problem`, paths below the problem; nothing is solved."""
         return [mistake.under("method") for mistake in method.check(problem) or ()]
 
-    def truth_remark(self, estimate: Estimate, truth: Trajectory | None, source: object) -> str:
+    def truth_remark(self, estimate: Estimate, truth: Trajectory, source: object) -> str:
         """One sentence on an estimate beside the true states; `source` is the file they came from."""
         from occontrol.files.figures.estimates import truth_remark
 
@@ -196,7 +196,7 @@ class Family(Protocol):
         """The first of `methods` with its default options."""
         return next(iter(self.methods.values()))()
 
-    def choose(self, problem: BaseProblem, method: Method | str | None = None) -> Method:
+    def choose(self, problem: BaseProblem, method: Method | str | None = None) -> Any:
         """The method object to run: the given one, the one of that name, the problem's own, or the default.
 
         Options that the problem states for its own method and that a named one has too, such as relative_gap, are

@@ -55,7 +55,7 @@ def read_schedule(
     return schedule_of(segments, problem, str(path))
 
 
-def read_measurements(path: str | Path, problem: BaseProblem = None) -> list[Measurement]:
+def read_measurements(path: str | Path, problem: BaseProblem | None = None) -> list[Measurement]:
     """The samples of a measurement file, in the order of time.
 
     Parameters

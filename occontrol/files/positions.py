@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from occontrol.core.errors import Mistake, Path, ProblemError
 from occontrol.core.kinds import Plain
@@ -22,7 +22,7 @@ class Place:
     line: int
     column: int
     key: tuple[int, int] | None = None
-    inside: Inside = None  # dict of Place, list of Place, or None
+    inside: Any = None  # dict of Place, list of Place, or None
 
 
 @dataclass

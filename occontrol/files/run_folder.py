@@ -201,7 +201,7 @@ def _columns(schedule: Plain) -> list[str]:
 
 
 def _must_belong(file: IO[bytes], name: str, recorded: dict, place: Path) -> None:
-    if recorded.get(name) != "sha256:" + hashlib.file_digest(file, "sha256").hexdigest():
+    if recorded.get(name) != "sha256:" + hashlib.file_digest(file, "sha256").hexdigest():  # type: ignore[arg-type]
         what = f"{name} is damaged, or does not belong to the result.json beside it"
         raise ProblemError(Mistake((), what, "solve again", place=str(place)))
 

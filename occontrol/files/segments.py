@@ -85,7 +85,7 @@ def as_read(schedule: Schedule, problem: BaseProblem) -> Schedule:
             shares = tuple(float(weights[j]) for j in used)
         start, end = float(schedule.edges[first]), float(schedule.edges[k])
         place = partial("t = {:.12g} .. {:.12g}".format, start, end)
-        if instants:
+        if takes_readings(problem):
             end = start
             place = partial("{} = {:.12g}".format, problem.clock.variable, start)
         segments.append(Segment(start, end, tuple(schedule.names[j] for j in used), shares, place))

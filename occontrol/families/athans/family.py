@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core.errors import Mistake
 from occontrol.core.kinds import PlainDict
+from occontrol.core.measurement import OnlineLoop
 from occontrol.core.method import Method
+from occontrol.core.solution import Tradeoff
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.rate import RATE, RateFamily
 from occontrol.families.athans.readings.half import READINGS
@@ -25,8 +27,6 @@ if TYPE_CHECKING:
     from occontrol.core.schedule import Schedule
     from occontrol.core.solution import Solution
     from occontrol.core.trajectory import Trajectory
-    from occontrol.families.athans.filter.online import MatchedFilter
-    from occontrol.families.athans.tradeoff import Front
 
 
 class AthansFamily(RateFamily):
@@ -83,7 +83,7 @@ class AthansFamily(RateFamily):
 
     def online(
         self, problem: AthansProblem, solution: Solution | None = None, method: Method | None = None
-    ) -> MatchedFilter:
+    ) -> OnlineLoop:
         """The matched filter for a loop on a target, along the solution's schedule."""
         return self._half(problem).online(problem, solution, method)
 
@@ -91,7 +91,7 @@ class AthansFamily(RateFamily):
         """The matched filter as plain arrays."""
         return self._half(problem).filter_tables(problem, solution)
 
-    def tradeoff(self, problem: AthansProblem, cost_weights: Sequence[float], monitor: Monitor) -> Front:
+    def tradeoff(self, problem: AthansProblem, cost_weights: Sequence[float], monitor: Monitor) -> Tradeoff:
         """Observation cost against prediction error over the cost weight alpha."""
         return self._half(problem).tradeoff(problem, cost_weights, monitor)
 

@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag
 
 from occontrol.core.clock import tolerance
 from occontrol.core.errors import ProblemError
-from occontrol.core.kinds import PlainDict
+from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal
 from occontrol.families.athans.growth import beyond_numbers
@@ -104,7 +104,7 @@ class Document(Strict):
 DOCUMENTS = (Document, *READINGS)
 
 
-def model_for(data: object) -> type[Strict]:
+def model_for(data: PlainMapping) -> type[Strict]:
     """Which of DOCUMENTS a file is, by its horizon, its plant and `sensing`.
 
     Parameters

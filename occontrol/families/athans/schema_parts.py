@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeGuard
 
 import numpy as np
 from pydantic import Field, WithJsonSchema
@@ -70,7 +70,7 @@ def select_of(value: object, context: Context) -> int | tuple[int, int] | None:
     return None
 
 
-def _whole(value: object) -> bool:
+def _whole(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and float(value).is_integer()
 
 

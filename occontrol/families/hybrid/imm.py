@@ -66,7 +66,7 @@ def sample_model(
         F, W = sample_signals([mode.F], steps)[:, 0], sample_signals([mode.W], steps)[:, 0]
         product = F @ W @ F.transpose(0, 2, 1)
         noise.append((product + product.transpose(0, 2, 1)) / 2)
-        if mode.B is None:
+        if mode.B is None or mode.input is None:
             drift.append(np.zeros((1, plant.states)))
         else:
             B, u = sample_signals([mode.B], steps)[:, 0], sample_signals([mode.input], steps)[:, 0]

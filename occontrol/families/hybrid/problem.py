@@ -9,7 +9,7 @@ import numpy as np
 
 from occontrol.core.checks import check_covariance, check_covariance_signal, check_finite, check_shape
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural, suggest
-from occontrol.core.kinds import Kept, MatrixLike, PlainMapping, VectorField, unless_given
+from occontrol.core.kinds import ArrayField, Kept, PlainMapping, VectorField, unless_given
 from occontrol.core.problem import BaseProblem
 from occontrol.core.sensor import SensorSuite
 from occontrol.core.signal import TableSignal, as_signal
@@ -56,7 +56,7 @@ class Problem(BaseProblem):
     runs: int = 100
     seed: int = 1
     truth_mean: VectorField = unless_given(None)
-    truth_covariance: Kept[MatrixLike | None, np.ndarray | None] = unless_given(None)
+    truth_covariance: ArrayField = unless_given(None)
     truth_mode: str | None = None
     method: GroupMethod | None = None
     expect: PlainMapping | None = None

@@ -55,13 +55,13 @@ class Precision(Family):
         from occontrol.families.precision.batches import solve_batches
 
         began = stopwatch.seconds()
-        method = self.choose(problem, problem.method if method is None else method)
-        mistakes = [m.under("method") for m in method.check(problem)]
+        chosen = self.choose(problem, problem.method if method is None else method)
+        mistakes = [m.under("method") for m in chosen.check(problem)]
         if mistakes:
             raise ProblemError(mistakes)
-        watch = (monitor or Monitor()).child(method.time_limit)
-        solved, outcomes = solve_batches(problem, method, watch)
-        solution = assemble(problem, method.name, solved, outcomes, watch)
+        watch = (monitor or Monitor()).child(chosen.time_limit)
+        solved, outcomes = solve_batches(problem, chosen, watch)
+        solution = assemble(problem, chosen.name, solved, outcomes, watch)
         return dataclasses.replace(solution, seconds=stopwatch.seconds() - began)
 
     def warnings(self, problem: Problem) -> list[Mistake]:

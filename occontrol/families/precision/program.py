@@ -11,6 +11,7 @@ computed anew from equation (11), and the objective is held against a bound prov
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -99,7 +100,7 @@ class Outcome:
 
     status: Status
     message: str
-    precisions: np.ndarray | None
+    precisions: Any
     objective: float
     lower_bound: float
     margin: float
@@ -238,7 +239,7 @@ def _repair(
 
 def _finish(
     program: Program,
-    precisions: np.ndarray | None,
+    precisions: Any,
     lower: float,
     verdict: Feasibility,
     route: str,

@@ -56,18 +56,18 @@ class Robust(Family):
         for options that do not fit the problem.
         """
         began = stopwatch.seconds()
-        method = self.choose(problem, problem.method if method is None else method)
-        mistakes = [m.under("method") for m in method.check(problem)]
+        chosen = self.choose(problem, problem.method if method is None else method)
+        mistakes = [m.under("method") for m in chosen.check(problem)]
         if mistakes:
             raise ProblemError(mistakes)
         slots = table_of(problem)
         if slots is None:
             from occontrol.families.robust.assemble import unobservable_solution
 
-            solution = unobservable_solution(problem, method.name, method.stated(problem))
+            solution = unobservable_solution(problem, chosen.name, chosen.stated(problem))
         else:
-            watch = (monitor or Monitor()).child(method.time_limit)
-            solution = method.run(problem, slots, watch)
+            watch = (monitor or Monitor()).child(chosen.time_limit)
+            solution = chosen.run(problem, slots, watch)
         return dataclasses.replace(solution, seconds=stopwatch.seconds() - began)
 
     def describe(self, problem: Problem) -> list[tuple[str, str]]:

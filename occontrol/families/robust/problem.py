@@ -121,7 +121,7 @@ class Problem(BaseProblem):
                 what = f"the table covers {span}, the horizon is [{self.edges[0]:g}, {self.edges[-1]:g}]"
                 found.append(Mistake(path, what, "tabulate the whole horizon"))
                 continue
-            of = f" of sensor '{self.sensors[path[1]].name}'" if path[0] == "sensors" else ""
+            of = f" of sensor '{self.sensors[int(path[1])].name}'" if path[0] == "sensors" else ""
             found += check_finite(f"{path[-1]}{of}", signal, times, path)
         return found
 

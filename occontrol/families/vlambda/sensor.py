@@ -170,8 +170,8 @@ class DiscreteSensor:
     """
 
     name: str
-    H: Kept[MatrixLike | LocatedMatrix, Signal | LocatedMatrix]
-    R: Kept[MatrixLike | LocatedMatrix, Signal | LocatedMatrix]
+    H: Kept[MatrixLike | LocatedMatrix, Any]
+    R: Kept[MatrixLike | LocatedMatrix, Any]
     location: Region | None = field(default=None)
 
     def __post_init__(self) -> None:

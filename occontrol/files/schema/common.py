@@ -22,7 +22,6 @@ from occontrol.files.schema.tables import TableFiles
 from occontrol.files.schema.words import model_at, real_path, shown, spell, suggest, translate, value_at
 
 Model = typing.TypeVar("Model", bound=BaseModel)
-Built = typing.TypeVar("Built")
 
 
 class Strict(BaseModel):
@@ -111,7 +110,7 @@ class Context:
         """A list of numbers and formulas."""
         return self.reader.entries(value, path, variables)
 
-    def attempt(self, build: Callable[..., Built], *prefix: str | int, **arguments: object) -> Built | None:
+    def attempt(self, build: Callable[..., Any], *prefix: str | int, **arguments: object) -> Any:
         """build(**arguments), or None after its ProblemError was noted under `prefix`."""
         with self.found.under(*prefix):
             return build(**arguments)
@@ -226,7 +225,7 @@ def validate(model: type[Model], data: object, found: Collector, lacking: set[Pa
     raise ProblemError(found.mistakes) from None
 
 
-def _stand_in(model: type[BaseModel], data: dict, path: Path) -> bool:
+def _stand_in(model: type[BaseModel], data: object, path: Path) -> bool:
     """Put something harmless where a value is missing; False when nothing is."""
     owner, inside = model_at(model, path[:-1]), value_at(data, path[:-1])
     field = owner.model_fields.get(str(path[-1])) if owner else None

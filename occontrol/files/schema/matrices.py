@@ -158,7 +158,7 @@ class MatrixReader:
             self.wrong(path, " is empty", "give a list of numbers")
             return None
         if all(isinstance(e, list) and len(e) == 1 for e in items):
-            items = [e[0] for e in items]
+            items = [e[0] for e in items if isinstance(e, list)]
         result = []
         for i, e in enumerate(items):
             where = f" entry {i + 1}" if isinstance(value, list) else ""
@@ -272,10 +272,11 @@ class MatrixReader:
         if not isinstance(values, list) or not values:
             self.wrong(path, f" is {shown(values)}, it must be a list of matrices")
             return None
-        matrices = [self.constant(matrix, (*path, k)) for k, matrix in enumerate(values)]
-        if any(m is None for m in matrices):
+        read = [self.constant(matrix, (*path, k)) for k, matrix in enumerate(values)]
+        matrices = [matrix for matrix in read if matrix is not None]
+        if len(matrices) < len(read):
             return None
-        k = next((k for k, m in enumerate(matrices) if m.shape != matrices[0].shape), None)  # type: ignore[union-attr]
+        k = next((k for k, m in enumerate(matrices) if m.shape != matrices[0].shape), None)
         if k is not None:
             self.wrong(
                 (*path, k), f": matrix {k + 1} is {_size(matrices[k])}, the first is {_size(matrices[0])}", of=path

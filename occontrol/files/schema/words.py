@@ -101,7 +101,7 @@ def real_path(location: Sequence[str | int], data: object) -> Path:
     return tuple(path)
 
 
-def value_at(data: object, path: Sequence[str | int]) -> Plain:
+def value_at(data: Plain, path: Sequence[str | int]) -> Plain:
     """What stands at a path; None if nothing does."""
     for step in path:
         try:

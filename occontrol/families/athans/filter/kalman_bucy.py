@@ -236,7 +236,7 @@ def continuous_filter(
 
     def rate(weights: np.ndarray, t: float, x: np.ndarray) -> np.ndarray:
         change = plant.A.at(t) @ x
-        if plant.B is not None:
+        if plant.B is not None and plant.input is not None:
             change = change + (plant.B.at(t) @ plant.input.at(t)).ravel()
         for j in np.flatnonzero(weights > USED):
             if sensors[j].rows:

@@ -16,13 +16,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.measurement import Step
 from occontrol.core.schedule import Schedule
-from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.filter.predictor import Predictor, make_predictor
 from occontrol.families.athans.filter.sampled_model import SampledModel, exact_model, split_model
 from occontrol.numerics.linalg import square_root, symmetrise
@@ -123,7 +123,7 @@ class MatchedFilter:
 
     def __init__(
         self,
-        problem: AthansProblem,
+        problem: Any,
         schedule: Schedule,
         model: str | SampledModel = "split",
         plan: Plan | None = None,

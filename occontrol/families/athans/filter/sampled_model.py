@@ -116,7 +116,7 @@ class _Augmented(Signal):
         n, plant = self.plant.states, self.plant
         value = np.zeros((len(times), *self.shape))
         value[:, :n, :n] = plant.A.sample(times)
-        if plant.B is not None:
+        if plant.B is not None and plant.input is not None:
             value[:, :n, n] = (plant.B.sample(times) @ plant.input.sample(times))[..., 0]
         row = n + 1
         for sensor in self.sensors:

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.found import STEPS_FOR_BOUND
@@ -37,7 +37,7 @@ MOST_ADDED_EDGES = 120  # edges, beside a quarter of the intervals
 WHY = "one choice would spoil this interval"
 
 
-def search_space(problem: SchedulingProblem, method: Method, monitor: Monitor) -> tuple[Integrator, Sweep]:
+def search_space(problem: SchedulingProblem, method: Any, monitor: Monitor) -> tuple[Integrator, Sweep]:
     """What a method searches on: the problem's edges with those that were added, and the sweep with the relaxation.
 
     Parameters

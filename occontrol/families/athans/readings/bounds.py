@@ -22,7 +22,7 @@ PATIENCE = 12
 
 
 def tighten(
-    sweep: Sweep, allowed: IntervalPolytopes, found: Found, method: Method, monitor: Monitor, keep: bool = False
+    sweep: Sweep, allowed: IntervalPolytopes, found: Found, method: Method | None, monitor: Monitor, keep: bool = False
 ) -> Found:
     """What a method found, with a better bound where one can be had for a little work, and any better schedule.
 

@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 
 def selection(
-    value: object, budget: Mapping[str, int] | None, sensors: Sequence[Sensor], readings: int, epoch: int = 1
+    value: int | Sequence[int],
+    budget: Mapping[str, int] | None,
+    sensors: Sequence[Sensor],
+    readings: int,
+    epoch: int = 1,
 ) -> tuple[tuple[int, int], list[Mistake]]:
     """How many sensors give a reading at a time, (least, most), and what is wrong with the statement.
 

@@ -15,6 +15,7 @@ from typing import cast
 
 import numpy as np
 
+from occontrol.core.signal import Signal
 from occontrol.families.athans.readings.clock import SampleTimes
 from occontrol.families.athans.readings.problem import ReadingsProblem
 
@@ -129,7 +130,7 @@ class _Gaps:
 def _integrated(problem: ReadingsProblem, starts: np.ndarray, ends: np.ndarray, charged: bool):
     """Phi, Q, M (K, n, n) and c (K,) of many gaps, by the extrapolated midpoint rule; equal gaps are done once."""
     plant, origin = problem.plant, problem.clock.start
-    fixed = plant.A.constant and plant.noise.constant and (not charged or problem.running.constant)
+    fixed = plant.A.constant and plant.noise.constant and (not charged or cast(Signal, problem.running).constant)
     if fixed:
         spans, index = np.unique(ends - starts, return_inverse=True)
         starts, ends = np.zeros(len(spans)), spans
@@ -147,7 +148,7 @@ def _integrated(problem: ReadingsProblem, starts: np.ndarray, ends: np.ndarray, 
 def _one_gap(problem: ReadingsProblem, a: float, b: float, parts: int, origin: float, charged: bool):
     n = problem.states
     inner = [s.breakpoints for s in (problem.plant.A, problem.plant.noise)]
-    inner += [problem.running.breakpoints] if charged else []
+    inner += [cast(Signal, problem.running).breakpoints] if charged else []
     inner = np.concatenate(inner) - origin
     cuts = np.union1d(np.linspace(a, b, parts + 1), inner[(inner > a) & (inner < b)])
     Phi, Q, M, c = np.eye(n), np.zeros((n, n)), np.zeros((n, n)), 0.0
@@ -166,7 +167,7 @@ def _step(problem: ReadingsProblem, a: float, b: float, origin: float, charged: 
         # a held table takes its next value at the very end: the last time lies just inside
         times = origin + a + (b - a) * np.minimum(np.arange(count + 1) / count, 1 - 1e-9)
         A, X = plant.A.sample(times), plant.noise.sample(times)
-        R = problem.running.sample(times) if charged else np.zeros((count + 1, n, n))
+        R = cast(Signal, problem.running).sample(times) if charged else np.zeros((count + 1, n, n))
 
         def slope(i: int, y, A=A, X=X, R=R):
             P, Q, _, _ = y

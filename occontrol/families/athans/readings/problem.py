@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class ReadingsProblem(AthansProblem):
     """
 
     name: str
-    plant: LinearPlant | DiscretePlant
+    plant: Any
     sensors: Kept[Sequence[Sensor], SensorSuite[Sensor]]
     clock: Steps | SampleTimes
     output: SignalField

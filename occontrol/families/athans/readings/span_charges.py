@@ -13,6 +13,7 @@ A gap is cut into twice as many pieces until M and c stand still.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def _one(plant: LinearPlant, running: Signal, a: float, b: float, origin: float)
 
 def _joined(plant: LinearPlant, running: Signal, cuts: np.ndarray, origin: float):
     """All pieces between `cuts`, one after the other."""
-    total = None
+    spans = []
     halves = np.diff(cuts) / 2
     nodes = cuts[:-1, None] + halves[:, None] * (1.0 + NODES)
     ends = np.column_stack([nodes, cuts[1:]])
@@ -107,9 +108,8 @@ def _joined(plant: LinearPlant, running: Signal, cuts: np.ndarray, origin: float
         w = half * WEIGHTS
         M = np.einsum("s,sba,sbc,scd->ad", w, F[i, :-1], R[i], F[i, :-1], optimize=True)
         c = float(np.einsum("s,sab,sba->", w, R[i], Q[i, :-1]))
-        piece = (F[i, -1], Q[i, -1], (M + M.T) / 2, c)
-        total = piece if total is None else _after(total, piece)
-    return total
+        spans.append((F[i, -1], Q[i, -1], (M + M.T) / 2, c))
+    return reduce(_after, spans)
 
 
 def _after(first, second):

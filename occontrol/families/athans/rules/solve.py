@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from occontrol.core import stopwatch
 from occontrol.core.errors import InfeasibleError, SolveFailed, UsageError
-from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.balanced import balanced, restored
@@ -46,7 +46,7 @@ class _Work:
     monitor: Monitor
 
 
-def solve_ruled(problem: SchedulingProblem, method: Method, monitor: Monitor) -> Solution:
+def solve_ruled(problem: SchedulingProblem, method: Any, monitor: Monitor) -> Solution:
     """The schedule that a method finds for a problem with rules, or without rules for the exact optimum.
 
     Parameters
@@ -168,7 +168,7 @@ def _relaxed(work: _Work, problem: SchedulingProblem) -> Outcome:
     return outcome
 
 
-def _obeying(work: _Work, problem: SchedulingProblem, method: Method) -> Outcome:
+def _obeying(work: _Work, problem: SchedulingProblem, method: Any) -> Outcome:
     """What another method finds without rules, changed for as short a time as they ask for."""
     setting, monitor = work.setting, work.monitor
     if isinstance(method, HMinimal):

@@ -150,7 +150,7 @@ def _values(found: Collector, rules: Constraints | SensorRules, place: tuple, of
             found.add((*place, name), f"{name}{of} is {value}", hint)
 
 
-def _number(value: object) -> bool:
+def _number(value: float) -> bool:
     return bool(np.isfinite(value)) and value >= 0
 
 
