@@ -65,8 +65,9 @@ def certify(
                 # what a run says of its schedule is about its own problem only, on the edges that the solver used
                 run, problem = schedule, solved
         given = read_schedule(schedule, problem)
-    if run is not None and recorded is not None and given is not None:
-        claims, listed = family.claims_of(problem, recorded), _is_listed(run, problem, recorded.schedule)
+    used = None if recorded is None else recorded.schedule
+    if run is not None and recorded is not None and used is not None and given is not None:
+        claims, listed = family.claims_of(problem, recorded), _is_listed(run, problem, used)
     if given is None:
         raise UsageError(f"the run of family {problem.family} holds no schedule that could be certified")
     try:
@@ -108,7 +109,7 @@ def _refuse_inputs(out: Path, *inputs: Path | None) -> None:
     refuse_same([out / name for name in KNOWN], inputs)
 
 
-def _is_listed(run: Path, problem: BaseProblem, schedule: Schedule | None) -> bool:
+def _is_listed(run: Path, problem: BaseProblem, schedule: Schedule) -> bool:
     """Whether the schedule that result.json lists for the eye is that of the arrays."""
     import numpy as np
 

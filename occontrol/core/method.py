@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.kinds import PlainDict
-from occontrol.core.problem import BaseProblem
 
 
 class Options(Protocol):
@@ -33,7 +32,7 @@ class Method(Protocol):
         """What is wrong with these options for `problem`, paths below `method`; empty when they fit."""
         return ()
 
-    def run(self, problem: BaseProblem, *arguments: object) -> Any:
+    def run(self, problem: Any, *arguments: Any, **options: Any) -> Any:
         """Run on `problem`; what else goes in and what comes out is the family's business."""
         ...
 

@@ -109,7 +109,7 @@ def read_measurements(path: str | Path, problem: BaseProblem | None = None) -> l
     return sorted(samples, key=lambda m: m.time)
 
 
-def _sizes(problem: BaseProblem) -> dict[str, int | None] | None:
+def _sizes(problem: BaseProblem | None) -> dict[str, int | None] | None:
     """The number of values of each sensor of a problem."""
     sensors = getattr(problem, "sensors", None)
     if sensors is None:

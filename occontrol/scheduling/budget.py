@@ -105,7 +105,7 @@ class BudgetSet(IntervalPolytopes):
         fixed = [j for j in range(M) if wanted[j] is not None]
         place = {j: i for i, j in enumerate(fixed)}
         mine = np.array([i for i in count if of[i] in place], dtype=int)
-        spent = csr_array((np.ones(len(mine)), ([place[of[i]] for i in mine], mine)), shape=(len(fixed), len(at)))
+        spent = csr_array((np.ones(len(mine)), ([place[int(of[i])] for i in mine], mine)), shape=(len(fixed), len(at)))
         totals = [wanted[j] for j in fixed]
         found = linprog(price[at, of], room, np.full(N, self.select), spent, totals, (0, 1), method="highs-ds")
         if not found.success:

@@ -28,6 +28,7 @@ class AthansProblem(BaseProblem):
     edges : (N+1,) of the intervals, in the unit of time
     states, places : n, and how many sensors are used at a time
     intervals, readings : N, of continuous sensing and of readings at instants
+    listed : the sensors that the user listed, of readings at instants
     """
 
     takes_readings: ClassVar[bool] = False
@@ -41,4 +42,5 @@ class AthansProblem(BaseProblem):
     places: int
     intervals: int
     readings: int
+    listed: tuple[str, ...]
     edges: Kept[OptionalVectorLike, np.ndarray]
