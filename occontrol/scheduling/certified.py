@@ -261,8 +261,10 @@ def certified(
         other = _combined([moved], [square_root_pass(moved, weights)], [1.0], feasible_set, weights)
         change = np.fmax(change, np.abs(np.array(other[:2]) - start))
     change = change * sum(abs(f) for f in factors)
-    # three repeats may happen to change nothing: never less than what the last sums round
-    extra = (DIFFUSE_SHARE if diffuseness(last.recursion) > DIFFUSE else FACTOR * ULP) * abs(cost)
+    # three repeats may happen to change nothing: never less than what n x n factors round over so many steps, whose
+    # errors are of either sign
+    least = FACTOR * ULP * last.recursion.states * np.sqrt(len(last.recursion.steps))
+    extra = (DIFFUSE_SHARE if diffuseness(last.recursion) > DIFFUSE else min(least, DIFFUSE_SHARE)) * abs(cost)
     of_cost, of_bound = (FACTOR * float(c) + extra if np.isfinite(c) else np.inf for c in change)
     return Certified(cost, own, of_cost, max(of_cost, of_bound), below, not any(len(r.negative) for r in roots))
 

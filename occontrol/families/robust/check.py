@@ -51,6 +51,9 @@ def integrate(
     from scipy.integrate import solve_ivp
 
     n = flow.n
+    # one tolerance for all states: in units of their own, powers of two, so that other units change no bit
+    start = np.linalg.inv(weight)
+    d = np.exp2(np.rint(np.log2(np.diagonal(start)) / 2))
     spans = []
     # where tables and formulas jump: an adaptive step would run over some of them
     breaks = np.unique(np.concatenate([flow.cuts, np.array(sorted(flow.kinks))]))
@@ -64,19 +67,21 @@ def integrate(
         return min(max(t, span[0]), span[1] - 1e-13 * max(abs(span[1]), span[1] - span[0]))
 
     def matrices(t: float, span: tuple) -> tuple:
-        t = inside(t, span)
+        t = inside(span[0] + t, span)
         C = np.zeros((0, n)) if span[2] is None else flow.rows[span[2]].at(t)
-        return flow.A.at(t), flow.B.at(t), flow.gain * flow.K.at(t), C
+        return flow.A.at(t) * d / d[:, None], flow.B.at(t) / d[:, None], flow.gain * flow.K.at(t) * d, C * d
 
     def run(rate, start: np.ndarray, span: tuple, backward: bool):
-        limits = (span[1], span[0]) if backward else (span[0], span[1])
+        # counted from the start of the span: a clock at 1.7e9 could not tell the integrator's steps apart
+        length = span[1] - span[0]
+        limits = (length, 0.0) if backward else (0.0, length)
         scale = float(np.max(np.abs(start), initial=0.0)) or 1e-3
         done = solve_ivp(
             rate, limits, start, "DOP853", dense_output=not backward, rtol=TOLERANCE, atol=TOLERANCE * scale
         )
         return done if done.success and np.all(np.isfinite(done.y)) else None
 
-    P, paths = np.linalg.inv(weight).ravel(), []
+    P, paths = (start / np.outer(d, d)).ravel(), []
     for span in spans:
 
         def forward(t: float, z: np.ndarray, span=span) -> np.ndarray:
@@ -101,7 +106,7 @@ def integrate(
         if done is None:
             return None
         Y = done.y[:, -1]
-    shape, weight0 = P.reshape(n, n), Y.reshape(n, n)
+    shape, weight0 = P.reshape(n, n) * np.outer(d, d), Y.reshape(n, n) / np.outer(d, d)
     shape, weight0 = (shape + shape.T) / 2, (weight0 + weight0.T) / 2
     if np.linalg.eigvalsh(shape)[0] <= 0:
         return None

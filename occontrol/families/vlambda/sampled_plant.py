@@ -111,9 +111,12 @@ def sample_plant(
     n = plant.states
     s = np.ones(n) if scales is None else np.asarray(scales, dtype=float)
     k = np.arange(steps, dtype=float)
-    roots = square_root(np.asarray(plant.Q.sample(k)), scaled=False)
-    if plant.G is not None:
-        roots = plant.G.sample(k) @ roots
+    Q = np.asarray(plant.Q.sample(k))
+    if plant.G is None:
+        # scaled before the root is taken: that of Q in other units would lose the small states
+        roots = square_root(Q / np.outer(s, s), scaled=False)
+    else:
+        roots = plant.G.sample(k) @ square_root(Q, scaled=False) / s[:, None]
     sampled = []
     for sensor in sensors:
         if sensor.movable:
@@ -123,7 +126,7 @@ def sample_plant(
         sampled.append(SampledSensor(sensor, s, H, R, np.ascontiguousarray(whiten(R, H)[0])))
     return SampledPlant(
         np.ascontiguousarray(plant.F.sample(k) * s / s[:, None]),
-        np.ascontiguousarray(roots / s[:, None]),
+        np.ascontiguousarray(roots),
         plant.mean / s,
         plant.covariance / np.outer(s, s),
         tuple(sampled),

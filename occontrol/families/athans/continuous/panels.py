@@ -242,15 +242,15 @@ class PolicyData:
         """
         shortest = SMALLEST * (self.edges[-1] - self.edges[0])
         finished: list[Panels] = []
+        settled = 0  # panels in `finished`, counted as they come: there may be thousands of lists
         while len(panels):
-            unfinished = []
+            unfinished, waiting = [], 0
             for first in range(0, len(panels), 256):
                 part = panels[first : first + 256]
                 chosen, place = self.distinct(part)
                 matrices = self.matrices(chosen)
                 size = np.max(norms(matrices), axis=1)[place] * part.lengths
-                total = sum(len(p) for p in finished) + sum(len(p) for p in unfinished) + np.sum(size)
-                if not total <= MOST_PANELS:
+                if not settled + waiting + np.sum(size) <= MOST_PANELS:
                     raise SolveFailed(
                         f"the check in continuous time would need more than {MOST_PANELS} panels: the horizon is far "
                         "too long for the fastest rate of plant and sensors\n  hint: look at the units of A and noise"
@@ -263,6 +263,7 @@ class PolicyData:
                     counts = np.where((counts == 1) & rough, 2, counts)
                 finished.append(part[counts == 1])
                 unfinished.append(part[counts > 1].divide(counts[counts > 1]))
+                settled, waiting = settled + len(finished[-1]), waiting + len(unfinished[-1])
             panels = Panels.joined(unfinished)
         return Panels.joined(finished)
 

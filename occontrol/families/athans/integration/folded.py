@@ -103,10 +103,14 @@ class Extrapolated:
     def error(self, weights: np.ndarray) -> float:
         """|J - J with every step halved| * 16/15: the extrapolated cost is of fourth order.
 
+        Where a second halving changes the cost by more than half of what the first one did, the steps are too long to
+        show any order; then it is at least four times that change.
+
         Parameters
         ----------
         weights : (N, M)
         """
-        half = self.half.cost(weights)
-        here = (4 * half - self.whole.cost(weights)) / 3
-        return abs((4 * self.quarter.cost(weights) - half) / 3 - here) * 16 / 15
+        costs = [folded.cost(weights) for folded in (self.whole, self.half, self.quarter)]
+        first, second = np.diff(costs)
+        error = abs(4 * second - first) / 3 * 16 / 15
+        return float(max(error, 4 * abs(second)) if abs(second) > abs(first) / 2 else error)

@@ -16,6 +16,9 @@ from occontrol.families.athans.problem import SchedulingProblem
 MOST_IN_INTERVAL = 64
 MOST_STEPS = 500_000  # of the mesh: halved twice for the estimate of its error they are 2,000,000
 DEEPEST = 44
+# decay over a step, h max(-Re eig A), from which what a sensor does in its middle is forgotten before its end
+FORGOTTEN, REMEMBERED = 4.0, 2.0
+GONE = 40.0  # decay from which no double knows what was before
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +132,8 @@ class Mesh:
 
 
 def first_mesh(problem: SchedulingProblem, rows: np.ndarray) -> Mesh:
-    """One step an interval, shorter ones where the data varies and where a large prior meets its first measurements.
+    """One step an interval, shorter ones where the data varies, where a large prior meets its first measurements, and
+    before the end of intervals over which the plant forgets.
 
     Steps grow as t + 1/lambda from the start, lambda = max_j lambda_max(Sigma0 L_j).
 
@@ -156,7 +160,31 @@ def first_mesh(problem: SchedulingProblem, rows: np.ndarray) -> Mesh:
         depth = np.zeros(len(mesh), dtype=np.int64)
         depth[0] = 1
         mesh = mesh.divided(depth)
-    return mesh
+    return _remembering(mesh, problem)
+
+
+def _remembering(mesh: Mesh, problem: SchedulingProblem) -> Mesh:
+    """Steps halved again and again towards the ends of intervals over which the plant forgets.
+
+    A step measures in its middle. Where the plant decays from there to the end, neither the step nor its halves show
+    that the sensor does anything, and the estimate of their error is zero with them.
+    """
+    A = problem.plant.A.sample(problem.edges[1:] if not problem.plant.A.constant else problem.edges[-1:])
+    size = np.linalg.norm(A, axis=(1, 2)) * problem.steps
+    if not np.any(size > FORGOTTEN) or not np.all(np.isfinite(A)):
+        return mesh
+    rate = np.max(-np.linalg.eigvals(A).real, axis=1) * np.ones(problem.intervals)
+    later = problem.elapsed[-1] - problem.elapsed[1:]
+    fast = (rate * problem.steps > FORGOTTEN) & (rate * later < GONE)
+    while True:
+        last = np.append(np.flatnonzero(np.diff(mesh.owner)), len(mesh) - 1)
+        long = fast & (rate * mesh.steps[last] > REMEMBERED) & (mesh.level[last] < DEEPEST)
+        long &= mesh.counts < MOST_IN_INTERVAL
+        if not np.any(long):
+            return mesh
+        depth = np.zeros(len(mesh), dtype=np.int64)
+        depth[last[long]] = 1
+        mesh = mesh.divided(depth)
 
 
 def p_matters(signal: object) -> bool:

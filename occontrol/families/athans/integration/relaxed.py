@@ -51,6 +51,7 @@ def relax(
     # prices are a linear term, so what is known of the curvature stays right from round to round
     spent, curvature = _Spent(), memory_for(sweep, sweep.recursion.cost.size)
     v = allowed.uniform() if start is None else start
+    shown = None
     if start is None:
         off = _off(integrator, v)
         if off <= integrator.accuracy:
@@ -60,7 +61,7 @@ def relax(
                 return PricedSweep(base, base, inner, inner, None)
         elif off <= FAR_SHARE:
             rough = replace(limits, relative_gap=ROUGH_FACTOR * gap)
-            v = spent.add(minimise_relaxed(sweep, allowed, None, rough, monitor, curvature)).weights
+            v = shown = spent.add(minimise_relaxed(sweep, allowed, None, rough, monitor, curvature)).weights
     mesh = None if integrator.options.substeps else integrator.first
     J = own = last = np.inf
     direct = False
@@ -88,7 +89,13 @@ def relax(
         options = RelaxedOptions(gap, left, None, target, True)
         inner = spent.add(minimise_relaxed(objective, allowed, v, options, watch, curvature))
         if inner.stalled and np.array_equal(v, inner.weights):
-            break
+            if shown is None:
+                break
+            # the way that was shown ends where rounding hides any descent (a diffuse start): once more, all the way
+            memory = memory_for(sweep, sweep.recursion.cost.size)
+            v = spent.add(minimise_relaxed(integrator.sweep, allowed, shown, limits, monitor, memory)).weights
+            shown, direct, last = None, False, np.inf
+            continue
         v, last = inner.weights, own
     if monitor.interrupted:
         status = Status.INTERRUPTED
