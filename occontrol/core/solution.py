@@ -212,10 +212,13 @@ def make_solution(
     iterations : of the method, in whatever it counts
     arrays : what arrays.npz will hold, by name; for example edges (N+1,)
     schedule : on which the numbers are, if there is one
-    certificate : cost and proven bound, if there is one; where it contradicts itself the status is `disagrees`
+    certificate : cost and proven bound, if there is one; where it contradicts itself the status is `disagrees`, and the
+        message says so, after what another check has found
     """
     if certificate is not None and certificate.contradicts:
-        status, message = Status.DISAGREES, certificate.text
+        found = message if status is Status.DISAGREES else ""
+        message = "; ".join(part for part in (found, certificate.text) if part)
+        status = Status.DISAGREES
     return Solution(
         family=problem.family,
         method=method,

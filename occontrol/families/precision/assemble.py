@@ -86,8 +86,9 @@ def assemble(
         status = Status.INTERRUPTED if monitor.interrupted else Status.LIMIT
     message, entries, certificate = "", {}, None
     if bad is None:
-        message = _success(problem, solved, records)
         certificate, entries = _totals(finals, records)
+        disagrees = status is Status.DISAGREES
+        message = _contradictions(solved, several) if disagrees else _success(problem, solved, records)
     else:
         message = finals[bad].message
         verdict = finals[bad].feasibility
@@ -132,10 +133,21 @@ def _success(problem: Problem, solved: Sequence[Solved], records: Sequence[Batch
     return message
 
 
+def _beside(solved: Solved) -> Certificate:
+    """The cost of a batch beside the bound, which is that of all its sensors."""
+    return Certificate(solved.final.objective, solved.whole.lower_bound)
+
+
+def _contradictions(solved: Sequence[Solved], several: bool) -> str:
+    """Which batches have a bound above their cost; of a single one the certificate of the solution says it."""
+    texts = [(k, _beside(batch).text) for k, batch in enumerate(solved)]
+    return "; ".join(f"batch {k + 1}: {text}" for k, text in texts if text) if several else ""
+
+
 def _totals(finals: Sequence[Outcome], records: Sequence[BatchRecord]) -> tuple[Certificate, PlainDict]:
     """Certificate and entries of all batches together."""
     objective = sum(f.objective for f in finals)
-    certificate = Certificate(objective, min(sum(_number(r.lower_bound) for r in records), objective))
+    certificate = Certificate(objective, sum(_number(r.lower_bound) for r in records))
     precisions = np.concatenate([f.precisions for f in finals])
     entries = {
         "objective": objective,
@@ -189,6 +201,9 @@ def _record(problem: Problem, k: int, solved: Solved, outcomes: Sequence[BatchOu
     status = final.status
     if pruned is not None and status is Status.CERTIFIED and final.objective > whole.objective * (1 + 1e-6):
         status = Status.FEASIBLE  # the bound below is that of all sensors
+    certificate = _beside(solved)
+    if certificate.contradicts:
+        status = Status.DISAGREES
     moments = outcomes[k].forecast.moments if outcomes else problem.first_moments()
     labels, on = problem.labels(), active(problem.program(moments), final.precisions)
     against_truth: PlainDict = {}
@@ -205,7 +220,7 @@ def _record(problem: Problem, k: int, solved: Solved, outcomes: Sequence[BatchOu
         status=str(status),
         smallest_factor=smallest,
         objective=final.objective,
-        lower_bound=min(whole.lower_bound, final.objective),
+        lower_bound=certificate.lower_bound,
         active=len(on),
         active_sensors=[labels[i] for i in on],
         margin=final.margin,

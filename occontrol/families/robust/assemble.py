@@ -91,7 +91,7 @@ def sequence_solution(
     problem, slots : the problem and its table
     sequence : (N,) sensor of every slot
     method, status, message, monitor : name, how it ended, and who watched
-    lower_bound : proven
+    lower_bound : proven; where it lies above the cost by more than rounding the status is `disagrees`
     numbers : further fields of SequenceResult that the method states
     arrays : what the method adds, by name, for example weights (N, M)
     """
@@ -102,7 +102,7 @@ def sequence_solution(
     weights[np.arange(slots.count), sequence] = 1.0
     schedule = Schedule(edges, weights, names)
     ordinary = slots.ordinary(sequence)
-    certificate = Certificate(cost, min(lower_bound, cost))
+    certificate = Certificate(cost, lower_bound)
     along = history(problem.flow, edges, sequence, plant.weight, plant.center, plant.level, slots.size)
     judged = integrate(problem.flow, edges, sequence, plant.weight, plant.center, plant.level, slots.size)
     independent = None
@@ -158,14 +158,14 @@ def shares_solution(
     problem, slots : the problem and its table
     weights : (N, M) shares
     method, monitor : name, and who watched
-    lower_bound : proven for every sequence
+    lower_bound : proven for every sequence; above the cost by more than rounding it makes the status `disagrees`
     relative_gap : target of the relaxation
     """
     from occontrol.families.robust.bound import walk
 
     path = walk(slots, weights, slots.start)
     cost = float(slots.size.value(path.ordinary[-1], slots.level))
-    certificate = Certificate(cost, min(lower_bound, cost))
+    certificate = Certificate(cost, lower_bound)
     schedule = Schedule(problem.edges, weights, tuple(problem.sensors.names))
     reached = certificate.relative_gap <= max(relative_gap, 1e-3)
     status = Status.INTERRUPTED if monitor.interrupted else Status.CERTIFIED if reached else Status.LIMIT

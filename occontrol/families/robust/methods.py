@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from occontrol.families.robust.problem import Problem
     from occontrol.families.robust.slots import Slots
 
-ROUNDING = 1e-9  # relative, between two walks along one sequence
 MOST_RANKED = 10_000  # sequences of `all` that result.json lists
 
 
@@ -57,14 +56,14 @@ class Optimal(SwitchingMethod):
     def run(self, problem: Problem, slots: Slots, monitor: Monitor) -> Solution:
         """Search from the one-step rule's sequence on, and from an earlier solution's where the monitor brings one."""
         from occontrol.families.robust.assemble import sequence_solution
-        from occontrol.families.robust.resume import earlier_search
+        from occontrol.families.robust.resume import earlier_sequence
         from occontrol.families.robust.search import SearchOptions, search
         from occontrol.families.robust.slots import one_step
 
         greedy = one_step(slots, problem.plant.weight, problem.plant.center, problem.plant.level)
         options = SearchOptions(self.relative_gap, self.merge_above, self.width, self.node_limit)
-        earlier = earlier_search(slots, list(problem.sensors.names), monitor)
-        known = [greedy] if earlier is None else [greedy, earlier.sequence]
+        earlier = earlier_sequence(slots, list(problem.sensors.names), monitor)
+        known = [greedy] if earlier is None else [greedy, earlier]
         found = search(slots, known, options, monitor)
         gap = (found.cost - found.lower_bound) / abs(found.cost)
         total = f"of {slots.sensors}^{slots.count} sequences, {found.nodes} nodes were looked at"
@@ -77,11 +76,6 @@ class Optimal(SwitchingMethod):
         else:
             status = Status.LIMIT
             message = f"{found.limit or 'the relaxation'} ended the proof at a gap of {100 * gap:.3g} %: {total}."
-        bound = found.lower_bound
-        # a sequence that costs less than an earlier bound proves it wrong
-        if earlier is not None and bound < earlier.lower_bound <= found.cost * (1 + ROUNDING):
-            bound = earlier.lower_bound
-            message += " The bound is that of the result that this one goes on from."
         numbers = {
             "nodes": found.nodes,
             "widest_layer": found.widest,
@@ -96,7 +90,7 @@ class Optimal(SwitchingMethod):
             slots,
             found.sequence,
             method=self.name,
-            lower_bound=bound,
+            lower_bound=found.lower_bound,
             status=status,
             message=message,
             monitor=monitor,

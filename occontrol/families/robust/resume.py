@@ -1,31 +1,23 @@
-"""What a resumed search takes from an earlier solution of its problem: the sequence, and the bound that was proven."""
+"""What a resumed search takes from an earlier solution of its problem: the sequence, and nothing else.
+
+A run folder may come from anybody. A sequence can be judged, its cost is computed again; a bound cannot, so it is
+proven anew.
+"""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from occontrol.core.monitor import Monitor
 from occontrol.families.robust.slots import Slots
 
-AGREEMENT = 1e-8  # relative, between the cost that is stated and the one that the sequence has
 EXACT = 1e-12  # by so much a weight may miss 0 and 1, and an edge its place in the horizon
 
 
-@dataclass(frozen=True)
-class Earlier:
-    """What is gone on from: a sequence of sensors, and a bound for all of them (-inf where there is none)."""
+def earlier_sequence(slots: Slots, names: list[str], monitor: Monitor) -> list[int] | None:
+    """The sensor of every slot (N,) of the earlier solution that the monitor brings, or None to begin anew.
 
-    sequence: list[int]
-    lower_bound: float
-
-
-def earlier_search(slots: Slots, names: list[str], monitor: Monitor) -> Earlier | None:
-    """The earlier solution that the monitor brings, or None to begin anew.
-
-    Its cost is computed again. Its bound counts only where that cost is the one it states, where the method was
-    `optimal`, and where its own sequence does not cost less than the bound.
+    What it states, cost and bound, is not looked at.
 
     Parameters
     ----------
@@ -45,8 +37,5 @@ def earlier_search(slots: Slots, names: list[str], monitor: Monitor) -> Earlier 
     sequence = [int(i) for i in np.argmax(weights, axis=1)]
     if not np.allclose(weights, np.eye(slots.sensors)[sequence], atol=EXACT):
         return None  # shares are no sequence
-    cost, monitor.resumed = slots.cost(sequence), True
-    found = solution.certificate
-    known = solution.method == "optimal" and found is not None and abs(found.cost - cost) <= AGREEMENT * abs(cost)
-    bound = found.lower_bound if known and found is not None and found.lower_bound <= cost * (1 + EXACT) else -np.inf
-    return Earlier(sequence, float(bound))
+    monitor.resumed = True
+    return sequence

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.core.solution import ALLOWANCE
 from occontrol.families.robust.bound import ExactSweep, Plane, plane_of, relaxed_policy, shares, walk
 from occontrol.families.robust.psd_front import front
 from occontrol.families.robust.scattering import advance
@@ -126,7 +127,7 @@ def search(
     """
     options, monitor = options or SearchOptions(), monitor or Monitor()
     weights, plane, relaxed = relaxed_policy(slots, monitor=monitor)
-    planes, rounded, refined = [plane], _rounded(slots, weights), 0
+    planes, rounded, refined, first = [plane], _rounded(slots, weights), 0, relaxed
     starts = [list(s) for s in incumbents] + rounded + [[i] * slots.count for i in range(slots.sensors)]
     ranked = np.argsort(slots.costs(np.array(starts, dtype=int)), kind="stable")[:3]
     found = [exchange(slots, starts[i]) for i in ranked]
@@ -189,7 +190,9 @@ def search(
         best = int(np.argmin(sizes)) if len(sizes) else -1
         if best >= 0 and sizes[best] < cost:
             sequence, cost = exchange(slots, layer.sequences[best])
-    lower = min(max(lower, relaxed), cost * (1 - EXACT))
+    lower = max(lower, relaxed, first)
+    if lower <= cost * (1 + ALLOWANCE):  # farther above, the numbers contradict themselves and the reader must know
+        lower = min(lower, cost * (1 - EXACT))
     return SearchOutcome([int(i) for i in sequence], cost, lower, relaxed, nodes, widest, merged, dropped, limit)
 
 

@@ -14,7 +14,7 @@ from occontrol.core.schedule import INTEGER, Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.vlambda.baselines import SequenceChooser
 from occontrol.families.vlambda.methods import Optimal
-from occontrol.families.vlambda.outcome import Outcome, Proof, cost_of
+from occontrol.families.vlambda.outcome import Outcome, Proof, cost_of, without_rounding
 from occontrol.families.vlambda.result import assemble, numbers_of, recorded
 from occontrol.families.vlambda.selection import run_selection
 from occontrol.files.segments import as_read
@@ -22,7 +22,6 @@ from occontrol.files.segments import as_read
 if TYPE_CHECKING:
     from occontrol.families.vlambda.problem import Problem
 
-AGREEMENT = 1e-8  # relative; both costs come from the same recursion
 PROVEN = 1e-9  # relative; a gap below it is rounding
 
 
@@ -62,9 +61,7 @@ def certify(problem: Problem, schedule: Schedule, claims: Claims | None = None) 
         found = Optimal().run(problem, Monitor())
         best = min(cost, cost_of(problem, found.selection))
         if found.proof is not None:
-            bound = found.proof.lower_bound
-            # by so much two recursions differ; a bound farther above the cost is a contradiction, which is not hidden
-            proof = Proof(cost if cost < bound <= cost + AGREEMENT * abs(cost) else bound, found.proof.nodes)
+            proof = Proof(without_rounding(found.proof.lower_bound, cost), found.proof.nodes)
         message = "recomputed; the bound is the exact search's"
     proven = proof is not None and cost - proof.lower_bound <= PROVEN * abs(cost)
     status = Status.CERTIFIED if proven else Status.FEASIBLE

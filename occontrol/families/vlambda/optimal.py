@@ -9,7 +9,7 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
 from occontrol.families.vlambda.baselines import FixedChooser, RoundRobinChooser, SequenceChooser
 from occontrol.families.vlambda.candidates import CandidateSet, candidate_set
-from occontrol.families.vlambda.outcome import Outcome, Proof, cost_of
+from occontrol.families.vlambda.outcome import Outcome, Proof, cost_of, without_rounding
 from occontrol.families.vlambda.resume import earlier_search
 from occontrol.families.vlambda.selection import Selection, run_selection
 from occontrol.families.vlambda.sensor_choice import Chooser, EigenspaceChooser, TraceChooser, subsets
@@ -18,7 +18,6 @@ from occontrol.families.vlambda.sequence_search import search
 if TYPE_CHECKING:
     from occontrol.families.vlambda.problem import Problem
 
-ROUNDING = 1e-9  # relative, between the search's recursion and the filter's
 MOST_FIXED = 12  # groups that stand all the time and are tried beside a search over a grid
 
 
@@ -34,12 +33,12 @@ def best_sequence(
     max_nodes, width, time_limit, grid : the options of the method `optimal`
 
     Returns the Outcome with its Proof; status limit where a limit came before the proof. An earlier solution that the
-    monitor brings is where the search begins: the outcome is never worse, in cost and in bound.
+    monitor brings is where the search begins: the outcome never costs more. The bound is proven anew.
     """
     candidates = candidate_set(problem, grid)
     known = [] if problem.movable else [_own_sequence(problem, candidates)]
     holds_for = f"a grid of {grid} locations a coordinate" if problem.movable else None
-    earlier = earlier_search(problem, monitor, holds_for)
+    earlier = earlier_search(problem, monitor)
     if earlier is not None and (sequence := earlier.among(candidates.candidates)) is not None:
         known.append(sequence)
     watch = monitor.child(time_limit)
@@ -61,13 +60,10 @@ def best_sequence(
         status = Status.FEASIBLE if status is Status.CERTIFIED else status
         message += f"; movable sensors: the bound holds for {holds_for}"
     selection = min([selection, *others], key=lambda s: cost_of(problem, s) * (1 + 1e-12 * (s is not selection)))
-    bound = found.lower_bound
-    # a sequence that costs less than an earlier bound proves it wrong
-    if earlier is not None and bound < earlier.lower_bound <= found.cost * (1 + ROUNDING):
-        bound, message = earlier.lower_bound, f"{message}; the bound is that of the result that this one goes on from"
+    cost = cost_of(problem, selection)
     proof = Proof(
-        # the search's recursion and the filter agree to rounding; the bound must not exceed the cost by it
-        lower_bound=min(bound, cost_of(problem, selection)),
+        # a sensor that is placed freely may beat the bound of a grid; nothing else may
+        lower_bound=min(found.lower_bound, cost) if problem.movable else without_rounding(found.lower_bound, cost),
         nodes=found.nodes,
         log10_sequences=problem.epochs * math.log10(len(candidates.candidates)),
         candidates=len(candidates.candidates),

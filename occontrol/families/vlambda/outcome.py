@@ -17,6 +17,8 @@ from occontrol.families.vlambda.sensor_choice import Chooser, subsets
 if TYPE_CHECKING:
     from occontrol.families.vlambda.problem import Problem
 
+AGREEMENT = 1e-8  # relative, between the cost of the search's recursion and of the filter's
+
 
 @dataclass(frozen=True)
 class Proof:
@@ -56,6 +58,19 @@ class Outcome:
 def cost_of(problem: Problem, selection: Selection) -> float:
     """The problem's criterion of P(k|k), summed over k."""
     return float(np.sum(selection.traces if problem.criterion == "trace" else selection.eigenvalues[:, 0]))
+
+
+def without_rounding(bound: float, cost: float) -> float:
+    """The bound, or the cost where it lies above that by no more than two recursions differ.
+
+    A bound farther above the cost is a contradiction and stays, so that the status becomes `disagrees`.
+
+    Parameters
+    ----------
+    bound : proven, on the search's recursion
+    cost : of a choice, on the filter's
+    """
+    return cost if cost < bound <= cost + AGREEMENT * abs(cost) else bound
 
 
 def walk(problem: Problem, chooser: Chooser, monitor: Monitor, message: str) -> Outcome:

@@ -1,4 +1,8 @@
-"""What a resumed search takes from an earlier solution of its problem: the choices, and the bound that was proven."""
+"""What a resumed search takes from an earlier solution of its problem: the choices, and nothing else.
+
+A run folder may come from anybody. Choices can be judged, their cost is computed again; a bound cannot, so it is proven
+anew.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +14,12 @@ import numpy as np
 
 from occontrol.core.monitor import Monitor
 from occontrol.families.vlambda.baselines import SequenceChooser
-from occontrol.families.vlambda.outcome import cost_of
 from occontrol.families.vlambda.result import numbers_of, recorded
 from occontrol.families.vlambda.selection import Selection, run_selection
 
 if TYPE_CHECKING:
     from occontrol.families.vlambda.candidates import Candidate
     from occontrol.families.vlambda.problem import Problem
-
-AGREEMENT = 1e-8  # relative, between the cost that is stated and the one that its choices give
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +30,10 @@ class Earlier:
     ----------
     selection : the earlier choices, walked again
     chooser : that makes them
-    lower_bound : proven by the earlier search over the same candidates; -inf where there is none
     """
 
     selection: Selection
     chooser: SequenceChooser
-    lower_bound: float
 
     def among(self, candidates: Sequence[Candidate]) -> list[int] | None:
         """The choices as positions among `candidates`, or None where one of them is no candidate."""
@@ -47,17 +46,15 @@ class Earlier:
         return found
 
 
-def earlier_search(problem: Problem, monitor: Monitor, holds_for: str | None) -> Earlier | None:
+def earlier_search(problem: Problem, monitor: Monitor) -> Earlier | None:
     """The earlier solution that the monitor brings, or None to begin anew.
 
-    Its cost is computed again. Its bound counts only where that cost is the one it states, where the method was
-    `optimal` over the same candidates, and where its own choices do not cost less than the bound.
+    Its cost is computed again; what it states, cost and bound, is not looked at.
 
     Parameters
     ----------
     problem : Problem
     monitor : Monitor, whose `resumed` is set when there are choices to go on from
-    holds_for : what the bound of this search will be restricted to
     """
     solution = monitor.resume
     if solution is None or solution.family != problem.family:
@@ -76,12 +73,8 @@ def earlier_search(problem: Problem, monitor: Monitor, holds_for: str | None) ->
     ):
         return None
     selection = run_selection(problem.sampled, problem.starts, problem.select, chooser)
-    cost = cost_of(problem, selection)
     monitor.resumed = True
-    bound, stated = numbers.lower_bound, numbers.cost
-    known = solution.method == "optimal" and numbers.bound_holds_for == holds_for
-    known = known and isinstance(bound, float) and abs(cost - stated) <= AGREEMENT * abs(cost)
-    return Earlier(selection, chooser, float(bound) if known and bound <= cost else -np.inf)  # type: ignore[arg-type, operator]
+    return Earlier(selection, chooser)
 
 
 def _allowed(problem: Problem, step: int, group: tuple[int, ...], places: Mapping[int, np.ndarray]) -> bool:

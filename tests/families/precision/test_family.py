@@ -1,6 +1,7 @@
 """The precision family as the user meets it: files, refusals with their words, exit codes, run folders."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from occontrol.api import document, read_problem
 from occontrol.core.errors import ProblemError
 from occontrol.core.solution import Status
+from occontrol.families.precision import methods as methods_module
 from occontrol.families.precision.family import FAMILY as precision
 from tests.families.precision.files import BASE, MOMENTS, load
 
@@ -256,3 +258,27 @@ def test_pictures_of_what_cannot_be_met(tmp_path):
     solution = precision.solve(problem)
     assert precision.figures(problem, solution) == {}
     assert precision.compare_figure(problem, {"barrier": solution}) is not None
+
+
+@pytest.mark.parametrize("batches", [1, 2])
+def test_a_bound_above_the_cost_is_shown_and_not_cut_to_the_cost(tmp_path, monkeypatch, batches):
+    """Of one batch or, where the other batches' bounds would hide it in the sum, of the second."""
+    problem, calls = load(tmp_path, BASE + f"batches: {batches}\n"), []
+    honest = methods_module.solve_program
+
+    def spoilt(*words, **more):
+        found = honest(*words, **more)
+        calls.append(found)
+        factor = 1.01 if len(calls) == batches else 0.5
+        return replace(found, lower_bound=factor * found.objective)
+
+    monkeypatch.setattr(methods_module, "solve_program", spoilt)
+    solution = precision.solve(problem)
+    assert solution.status is Status.DISAGREES and solution.status.exit_code == 7 and len(calls) == batches
+    wrong = calls[-1].objective
+    words = f"the lower bound {1.01 * wrong:.10g} lies above the cost {wrong:.10g}"
+    assert words in solution.message and ("batch 2: " in solution.message) == (batches == 2)
+    if batches == 1:
+        assert solution.numbers.lower_bound > solution.numbers.objective
+    else:
+        assert [r.status for r in solution.numbers.batches] == ["certified", "disagrees"]

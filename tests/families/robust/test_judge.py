@@ -10,7 +10,7 @@ import pytest
 from occontrol.core.claims import Claims
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Status
-from occontrol.families.robust import certify, check
+from occontrol.families.robust import bound, certify, check, search
 from occontrol.families.robust.certify import claims_of
 from occontrol.families.robust.family import FAMILY
 from occontrol.families.robust.slots import Slots, table_of
@@ -79,3 +79,20 @@ def test_a_bound_above_the_best_sequence_is_refuted_though_the_schedule_costs_mo
     assert FAMILY.certify(oscillator(), GIVEN, claims_of(mine)).status is Status.FEASIBLE
     false = FAMILY.certify(oscillator(), GIVEN, Claims(parts={"level": 1.001 * mine.numbers.level}))
     assert false.status is Status.DISAGREES and false.message.startswith("the stated level is ")
+
+
+@pytest.mark.parametrize("method", ["optimal", "one-step", "relaxed"])
+def test_a_bound_above_the_cost_is_shown_and_not_cut_to_the_cost(method, monkeypatch):
+    honest = bound.relaxed_policy
+    size = FAMILY.solve(oscillator(), "optimal").cost
+
+    def spoilt(*words, **more):
+        weights, plane, _ = honest(*words, **more)
+        return weights, plane, 10 * size
+
+    for place in (bound, search):
+        monkeypatch.setattr(place, "relaxed_policy", spoilt)
+    found = FAMILY.solve(oscillator(), method)
+    assert found.status is Status.DISAGREES and found.status.exit_code == 7
+    assert f"the lower bound {10 * size:.10g} lies above the cost {found.cost:.10g}" in found.message
+    assert found.numbers.lower_bound == 10 * size and found.numbers.relative_gap < 0
