@@ -264,7 +264,7 @@ def certified(
     # three repeats may happen to change nothing: never less than what n x n factors round over so many steps, whose
     # errors are of either sign
     least = FACTOR * ULP * last.recursion.states * np.sqrt(len(last.recursion.steps))
-    extra = (DIFFUSE_SHARE if diffuseness(last.recursion) > DIFFUSE else min(least, DIFFUSE_SHARE)) * abs(cost)
+    extra = (DIFFUSE_SHARE if diffuseness(last.recursion) > DIFFUSE else least) * abs(cost)
     of_cost, of_bound = (FACTOR * float(c) + extra if np.isfinite(c) else np.inf for c in change)
     return Certified(cost, own, of_cost, max(of_cost, of_bound), below, not any(len(r.negative) for r in roots))
 
