@@ -18,7 +18,7 @@ from matplotlib.patches import Ellipse
 from occontrol.api import read_problem
 from occontrol.core.solution import Solution
 from occontrol.families.hybrid.bhattacharyya import error_bound
-from occontrol.families.hybrid.equations import propagate
+from occontrol.families.hybrid.equations import form_covariances, predict
 from occontrol.families.hybrid.family import FAMILY as hybrid
 from occontrol.families.hybrid.methods import Alternate, ExpectedCovariance, Fixed, Random, Scheduled
 from occontrol.families.hybrid.monte_carlo import run_some
@@ -37,9 +37,11 @@ def illustration() -> tuple[Figure, list[str]]:
     """Figures 2 and 3: two modes pull one Gaussian apart along the first axis; which axis should be measured?"""
     mean, covariance = np.array([0.0, 0.0]), np.array([[1.0, 0.3], [0.3, 0.8]])
     A = np.array([[[1.0, 0.2], [0.0, 1.0]], [[0.9, -0.4], [0.1, 0.9]]])
-    drift, noise = np.array([[1.5, 2.0], [5.0, 2.6]]), np.array([0.3 * np.eye(2)] * 2)
+    drift, noise_roots = np.array([[1.5, 2.0], [5.0, 2.6]]), np.array([np.sqrt(0.3) * np.eye(2)] * 2)
     prior = np.array([0.6, 0.4])
-    means, covariances = propagate(np.array([mean] * 2), np.array([covariance] * 2), A, noise, drift)
+    starts, roots = np.array([mean] * 2), np.array([np.linalg.cholesky(covariance)] * 2)
+    means, roots = predict(np.eye(2), starts, roots, A, noise_roots, drift)
+    covariances = form_covariances(roots)
     figure = new_figure(
         SLIDE, "Which sensor tells the modes apart?", "figures 2 and 3 of Liu & Hwang, numbers chosen here"
     )

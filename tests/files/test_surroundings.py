@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import occontrol.api
 from occontrol.cli import run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,13 +45,22 @@ def parent(tmp_path: Path, small_text: str) -> Path:
     return parent
 
 
+def pictures(stage: Path, problem: object, solution: object, content: object) -> None:
+    """A report as small as one can be: it is the place of pictures that is asked for here, not what is on them."""
+    (stage / "figures").mkdir()
+    (stage / "figures" / "one.png").write_bytes(b"picture")
+    (stage / "report.html").write_text("report")
+
+
 def test_only_the_run_folder_changes(parent: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(parent)
+    monkeypatch.setattr(occontrol.api, "write_report", pictures)
     folder, problem = parent / "run", str(parent / "p.yaml")
     before = snapshot(parent)
     for figures in ("--no-figures", "--figures", "--no-figures"):  # the third removes the first
         assert run(["solve", problem, "--out", str(folder), figures]) == 0
         assert snapshot(parent, folder) == before
+        assert (folder / "figures" / "one.png").exists() == (figures == "--figures")
     assert run(["solve", problem, "--out", str(folder), "--method", "random", "--resume", "--no-figures"]) == 0
     for words in (
         ["certify", problem, str(folder)], ["certify", str(folder)], ["show", str(folder)], ["check", problem],
@@ -83,7 +93,7 @@ def test_a_killed_solve_leaves_its_surroundings_alone(parent: Path) -> None:
     folder, before = parent / "run", snapshot(parent)
     child = subprocess.Popen(
         [sys.executable, "-c", "from occontrol.cli import main; main()", "solve", str(parent / "p.yaml"), "--out",
-         str(folder)],
+         str(folder), "--no-figures"],
         env={**os.environ, "PYTHONPATH": str(ROOT)}, cwd=parent, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     while child.poll() is None and not (folder / ".runs").exists():

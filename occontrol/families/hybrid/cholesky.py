@@ -87,24 +87,3 @@ def whiten(factor: np.ndarray, vector: np.ndarray, size: int) -> float:
         vector[i] = total * factor[i, i]
         distance += vector[i] * vector[i]
     return distance
-
-
-@njit(cache=True, error_model="numpy")
-def unwhiten(factor: np.ndarray, vector: np.ndarray, size: int) -> None:
-    """Solve L' x = y by backward substitution in place.
-
-    Parameters
-    ----------
-    factor : (p, p) of `cholesky`
-    vector : (p,) y, becomes x
-    size : p
-    """
-    if size == 2:
-        vector[1] *= factor[1, 1]
-        vector[0] = (vector[0] - factor[1, 0] * vector[1]) * factor[0, 0]
-        return
-    for i in range(size - 1, -1, -1):
-        total = vector[i]
-        for k in range(i + 1, size):
-            total -= factor[k, i] * vector[k]
-        vector[i] = total * factor[i, i]

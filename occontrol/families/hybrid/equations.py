@@ -1,6 +1,7 @@
 """Interacting-multiple-model equations of a plant whose mode jumps (Liu & Hwang, steps 1, 2, 4, 5 and 6).
 
-Unknowns of a step, mode first: means (modes, n), covariances (modes, n, n), log-probabilities (modes,).
+Unknowns of a step, mode first: means (modes, n), roots S (modes, n, n) of the covariances P = S S', log-probabilities
+(modes,). No filter goes on from a covariance: it is formed for who reads it, and cannot lose definiteness.
 A mode may be so unlikely that its probability is no double: everything about probabilities stays in logarithms.
 Corrected against print: the mode prior in (12)/(13) is c_j; step 3 has C F W F' C'; the innovation of (18) is z - r;
 the mode probabilities weight P_j too in step 6, whose spread is about x^(k+1).
@@ -63,26 +64,49 @@ def match_moments(weights: np.ndarray, means: np.ndarray, covariances: np.ndarra
 
 
 @njit(cache=True, error_model="numpy")
-def propagate(
-    means: np.ndarray, covariances: np.ndarray, A: np.ndarray, noise: np.ndarray, drift: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Every mode's prediction over one step.
-
-    x_j- = A_j x_j + B_j u,    P_j- = A_j P_j A_j' + F_j W_j F_j'
+def form_covariances(roots: np.ndarray) -> np.ndarray:
+    """P_j = S_j S_j' (modes, n, n), exactly symmetric.
 
     Parameters
     ----------
-    means, covariances : (modes, n), (modes, n, n) the modes' mixed initial conditions
+    roots : (modes, n, n) S_j
+    """
+    covariances = np.empty(roots.shape)
+    in_place.form_covariances(roots, covariances)
+    return covariances
+
+
+@njit(cache=True, error_model="numpy")
+def predict(
+    mixing: np.ndarray,
+    means: np.ndarray,
+    roots: np.ndarray,
+    A: np.ndarray,
+    noise_roots: np.ndarray,
+    drift: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Every mode's mixed initial condition, predicted over one step.
+
+    x_j = sum_i mu_ji x_i,    x_j- = A_j x_j + B_j u
+    P_j- = A_j sum_i mu_ji [P_i + (x_i - x_j)(x_i - x_j)'] A_j' + F_j W_j F_j'
+    [A_j [.. mu_ji^{1/2} S_i, mu_ji^{1/2} (x_i - x_j) ..], G_j] Theta = [S_j-, 0]
+
+    Parameters
+    ----------
+    mixing : (modes, modes) mu_ji, row j sums to 1
+    means, roots : (modes, n), (modes, n, n) S_i with P_i = S_i S_i'
     A : (modes, n, n)
-    noise : (modes, n, n) F W F'
+    noise_roots : (modes, n, q) G with G G' = F W F'
     drift : (modes, n) B u(k+1)
 
     Returns
     -------
-    means (modes, n), covariances (modes, n, n), exactly symmetric. Liu & Hwang, step 3.
+    means (modes, n), roots (modes, n, n), lower triangles. Liu & Hwang, equations (16), (17) and step 3, by roots.
     """
-    predicted, result = np.empty_like(means), np.empty_like(covariances)
-    in_place.propagate(means, covariances, A, noise, drift, predicted, result, np.empty(means.shape[1]))
+    modes, states = means.shape
+    predicted, result, mixed = np.empty_like(means), np.empty((modes, states, states)), np.empty(states)
+    array = np.empty((states, modes * (states + 1) + noise_roots.shape[2]))
+    in_place.predict_roots(mixing, means, roots, A, noise_roots, drift, predicted, result, mixed, array)
     return predicted, result
 
 
@@ -113,34 +137,29 @@ def predict_measurement(
 
 @njit(cache=True, error_model="numpy")
 def correct(
-    means: np.ndarray, covariances: np.ndarray, C: np.ndarray, R: np.ndarray, values: np.ndarray
+    means: np.ndarray, roots: np.ndarray, C: np.ndarray, R_root: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Every mode's measurement update, covariances in Joseph's form, and the log-likelihoods of the measurement.
+    """Every mode's measurement update in square-root form, and the log-likelihoods of the measurement.
 
-    K = P- C' S^-1,    x = x- + K (z - C x-),    P = (I - K C) P- (I - K C)' + K R K',    ln N(z - r; 0, S)
+    [C S, V; S, 0] Theta = [D, 0; K D, S+],    x = x- + K (z - C x-),    ln N(z - r; 0, D D')
 
     Parameters
     ----------
-    means, covariances : (modes, n), (modes, n, n) predicted to the time of the measurement
-    C, R : (p, n), (p, p)
+    means, roots : (modes, n), (modes, n, n) S with P- = S S', predicted to the time of the measurement
+    C, R_root : (p, n), (p, p) V with R = V V'
     values : (p,) z
 
     Returns
     -------
-    means (modes, n), covariances (modes, n, n) exactly symmetric, log_likelihoods (modes,).
+    means (modes, n), roots (modes, n, n) of P, no triangles, log_likelihoods (modes,).
 
     Liu & Hwang, step 4 and equation (18), whose innovation is z - r.
     """
     modes, states = means.shape
     rows = len(C)
-    updated, result, log_likelihoods = np.empty_like(means), np.empty_like(covariances), np.empty(modes)
-    expected, spread = np.empty((modes, rows)), np.empty((modes, rows, rows))
-    cross, gain = np.empty((modes, states, rows)), np.empty((modes, states, rows))
-    factor, left, row = np.empty((rows, rows)), np.empty(states), np.empty(rows)
-    in_place.correct(
-        means, covariances, C, R, rows, values, updated, result, log_likelihoods,
-        expected, spread, cross, gain, factor, left, row,
-    )  # fmt: skip
+    updated, result, log_likelihoods = np.empty_like(means), np.empty((modes, states, states)), np.empty(modes)
+    white, buffer = np.empty(rows), np.empty((rows + states) ** 2)
+    in_place.correct(means, roots, C, R_root, rows, values, updated, result, log_likelihoods, white, buffer)
     return updated, result, log_likelihoods
 
 

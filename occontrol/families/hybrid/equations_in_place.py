@@ -2,6 +2,7 @@
 
 One step of one run takes a few microseconds, as long as some tens of allocations: the many-run kernel brings one set of
 arrays for all of them. Scratch arrays may be larger than needed; `rows` is the number of values of the measurement.
+Every mode's filter carries a root S (n, n) of its covariance, as numerics/square_root_filter.py does.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import math
 import numpy as np
 from numba import njit
 
-from occontrol.families.hybrid.cholesky import cholesky, log_determinant, unwhiten, whiten
+from occontrol.families.hybrid.cholesky import cholesky, log_determinant, whiten
+from occontrol.numerics.square_root_filter import triangularise
 
 LOG_TWO_PI = math.log(2.0 * math.pi)
 SMALLEST = 1e-250
@@ -80,26 +82,48 @@ def match_moments(weights, means, covariances, mean, covariance):
 
 
 @njit(cache=True, error_model="numpy")
-def propagate(means, covariances, A, noise, drift, predicted, result, product):
-    """predicted (modes, n), result (modes, n, n); product (n,) is scratch."""
-    modes, states = means.shape
-    predicted[:] = drift
+def form_covariances(roots, covariances):
+    """covariances (modes, n, n) = S S', for the reader, guards and scores; no filter goes on from them."""
+    modes, states, columns = roots.shape
     for j in range(modes):
         for a in range(states):
-            for b in range(states):
-                product[b] = 0.0
+            for b in range(a + 1):
+                total = 0.0
+                for c in range(columns):
+                    total += roots[j, a, c] * roots[j, b, c]
+                covariances[j, a, b] = total
+                covariances[j, b, a] = total
+
+
+@njit(cache=True, error_model="numpy")
+def predict_roots(mixing, means, roots, A, noise_roots, drift, predicted, result, mixed, array):
+    """predicted (modes, n), result (modes, n, n), lower triangles; mixed (n,), array (n, modes (n+1) + q): scratch."""
+    modes, states = means.shape
+    for j in range(modes):
+        mixed[:] = 0.0
+        for i in range(modes):
+            for a in range(states):
+                mixed[a] += mixing[j, i] * means[i, a]
+        array[:] = 0.0
+        for a in range(states):
+            total = drift[j, a]
             for c in range(states):
                 entry = A[j, a, c]
-                if entry != 0.0:
-                    predicted[j, a] += entry * means[j, c]
-                    for b in range(states):
-                        product[b] += entry * covariances[j, c, b]
-            for b in range(a + 1):
-                total = noise[j, a, b]
-                for c in range(states):
-                    total += product[c] * A[j, b, c]
-                result[j, a, b] = total
-                result[j, b, a] = total
+                if entry == 0.0:
+                    continue
+                total += entry * mixed[c]
+                for i in range(modes):
+                    if mixing[j, i] > 0.0:
+                        share, at = math.sqrt(mixing[j, i]) * entry, i * (states + 1)
+                        for b in range(states):
+                            array[a, at + b] += share * roots[i, c, b]
+                        array[a, at + states] += share * (means[i, c] - mixed[c])
+            predicted[j, a] = total
+            at = modes * (states + 1)
+            for b in range(noise_roots.shape[2]):
+                array[a, at + b] = noise_roots[j, a, b]
+        triangularise(array, states)
+        result[j] = array[:, :states]
 
 
 @njit(cache=True, error_model="numpy")
@@ -127,61 +151,44 @@ def predict_measurement(means, covariances, C, R, rows, expected, spread, cross)
 
 
 @njit(cache=True, error_model="numpy")
-def correct(
-    means,
-    covariances,
-    C,
-    R,
-    rows,
-    values,
-    updated,
-    result,
-    log_likelihoods,
-    expected,
-    spread,
-    cross,
-    gain,
-    factor,
-    left,
-    row,
-):
-    """updated (modes, n), result (modes, n, n), log_likelihoods (modes,); the rest is scratch."""
+def correct(means, roots, C, R_root, rows, values, updated, result, log_likelihoods, white, buffer):
+    """updated (modes, n), result (modes, n, n), log_likelihoods (modes,); white (p,), buffer ((p+n)^2,) are scratch."""
     modes, states = means.shape
-    predict_measurement(means, covariances, C, R, rows, expected, spread, cross)
-    updated[:] = means
+    size = rows + states
+    array = buffer[: size * size].reshape((size, size))
     for j in range(modes):
-        cholesky(spread[j], factor, rows)
-        for i in range(rows):
-            expected[j, i] = values[i] - expected[j, i]
-        for a in range(states):
-            for i in range(rows):
-                gain[j, a, i] = cross[j, a, i]
-            whiten(factor, gain[j, a], rows)
-            unwhiten(factor, gain[j, a], rows)
-            for i in range(rows):
-                updated[j, a] += gain[j, a, i] * expected[j, i]
-        for a in range(states):
-            # row a of (I - K C) P-, of that times C', and of K R
+        for a in range(rows):
+            white[a] = values[a]
             for b in range(states):
-                total = covariances[j, a, b]
-                for i in range(rows):
-                    total -= gain[j, a, i] * cross[j, b, i]
-                left[b] = total
-            for i in range(rows):
-                total = 0.0
-                for k in range(rows):
-                    total += gain[j, a, k] * R[k, i]
-                for c in range(states):
-                    total -= left[c] * C[i, c]
-                row[i] = total
-            for b in range(a + 1):
-                total = left[b]
-                for i in range(rows):
-                    total += row[i] * gain[j, b, i]
-                result[j, a, b] = total
-                result[j, b, a] = total
-        distance = whiten(factor, expected[j], rows)
-        log_likelihoods[j] = -0.5 * (distance + log_determinant(factor, rows) + rows * LOG_TWO_PI)
+                array[a, b] = 0.0
+            for c in range(states):
+                entry = C[a, c]
+                if entry != 0.0:
+                    white[a] -= entry * means[j, c]
+                    for b in range(states):
+                        array[a, b] += entry * roots[j, c, b]
+            for b in range(rows):
+                array[a, states + b] = R_root[a, b]
+        for a in range(states):
+            for b in range(states):
+                array[rows + a, b] = roots[j, a, b]
+            for b in range(rows):
+                array[rows + a, states + b] = 0.0
+        triangularise(array, rows)
+        logarithm = rows * LOG_TWO_PI
+        for a in range(rows):
+            for b in range(a):
+                white[a] -= array[a, b] * white[b]
+            white[a] /= array[a, a]
+            logarithm += 2.0 * math.log(abs(array[a, a])) + white[a] * white[a]
+        log_likelihoods[j] = -0.5 * logarithm
+        for a in range(states):
+            total = means[j, a]
+            for b in range(rows):
+                total += array[rows + a, b] * white[b]
+            updated[j, a] = total
+            for b in range(states):
+                result[j, a, b] = array[rows + a, rows + b]
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,6 +1,6 @@
 """The jumping-mode estimator on a problem's own terms: sampled arrays, and a filter along given measurements.
 
-Unknowns at a step: means (modes, n), covariances (modes, n, n), log-probabilities (modes,); see
+Unknowns at a step: means (modes, n), roots of covariances (modes, n, n), log-probabilities (modes,); see
 families/hybrid/imm_kernel.py.
 """
 
@@ -12,11 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.core.signal import Signal
-from occontrol.families.hybrid.equations import correct, match_moments, predict_measurement, weigh_modes
+from occontrol.families.hybrid.equations import (
+    correct,
+    form_covariances,
+    match_moments,
+    predict_measurement,
+    weigh_modes,
+)
 from occontrol.families.hybrid.imm_kernel import JumpModel, predict_step
 from occontrol.families.hybrid.plant import JumpPlant
 from occontrol.families.hybrid.sensor import JumpSensor
-from occontrol.numerics.linalg import normalised_square
+from occontrol.numerics.linalg import normalised_square, square_root
 
 GUARD_TOLERANCE = 5e-4
 
@@ -61,11 +67,12 @@ def sample_model(
     -------
     JumpModel. Liu & Hwang, equations (1), (4), (5) and the remark on assumption 1.
     """
-    noise, drift = [], []
+    noise, roots, drift = [], [], []
     for mode in plant.modes:
         F, W = sample_signals([mode.F], steps)[:, 0], sample_signals([mode.W], steps)[:, 0]
         product = F @ W @ F.transpose(0, 2, 1)
         noise.append((product + product.transpose(0, 2, 1)) / 2)
+        roots.append(_wide_root(F @ square_root(W), plant.states))
         if mode.B is None or mode.input is None:
             drift.append(np.zeros((1, plant.states)))
         else:
@@ -77,28 +84,45 @@ def sample_model(
     place = np.zeros((count, widest), dtype=np.int64)
     length = max(1 if sensor.C.constant and sensor.R.constant else steps for sensor in sensors)
     C = np.zeros((length, count, widest, plant.states))
-    R = np.zeros((length, count, widest, widest))
+    R, R_root = np.zeros((length, count, widest, widest)), np.zeros((length, count, widest, widest))
     for g, group in enumerate(groups):
         at = 0
         for j in group:
             p = sensors[j].rows
             C[:, g, at : at + p] = sample_signals([sensors[j].C], steps)[:, 0]
-            R[:, g, at : at + p, at : at + p] = sample_signals([sensors[j].R], steps)[:, 0]
+            given = sample_signals([sensors[j].R], steps)[:, 0]
+            R[:, g, at : at + p, at : at + p] = given
+            R_root[:, g, at : at + p, at : at + p] = square_root(given)
             place[g, at : at + p] = first[j] + np.arange(p)
             at += p
     arrays = {
         **_transitions(plant),
         "A": sample_signals([mode.A for mode in plant.modes], steps),
         "noise": np.stack(np.broadcast_arrays(*noise), axis=1),
+        "noise_root": np.stack(np.broadcast_arrays(*_as_wide(roots)), axis=1),
         "drift": np.stack(np.broadcast_arrays(*drift), axis=1),
         "C": C,
         "R": R,
+        "R_root": R_root,
         "rows": rows,
         "place": place,
         "position": np.array(position, dtype=np.int64),
     }
     # fresh writable copies, so that the compiled kernel meets the same types whatever the user gave
     return JumpModel(tolerance=float(tolerance), **{name: np.array(value, order="C") for name, value in arrays.items()})
+
+
+def _wide_root(root: np.ndarray, states: int) -> np.ndarray:
+    """A root (K, n, q) with q <= n columns of the same matrices."""
+    if root.shape[2] <= states:
+        return root
+    return np.linalg.qr(root.transpose(0, 2, 1), mode="r").transpose(0, 2, 1)
+
+
+def _as_wide(roots: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The roots with columns of zeros, so that all have as many."""
+    most = max(root.shape[2] for root in roots)
+    return [np.pad(root, ((0, 0), (0, 0), (0, most - root.shape[2]))) for root in roots]
 
 
 def _transitions(plant: JumpPlant) -> dict[str, np.ndarray]:
@@ -141,7 +165,7 @@ class JumpEstimate:
 
 
 def start(plant: JumpPlant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means, covariances and log-probabilities of the modes at k = 0.
+    """Means, roots of covariances and log-probabilities of the modes at k = 0.
 
     Parameters
     ----------
@@ -150,7 +174,7 @@ def start(plant: JumpPlant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     modes = len(plant.modes)
     with np.errstate(divide="ignore"):
         chances = np.log(plant.probabilities)
-    return np.tile(plant.mean, (modes, 1)), np.tile(plant.covariance, (modes, 1, 1)), chances
+    return np.tile(plant.mean, (modes, 1)), np.tile(square_root(plant.covariance), (modes, 1, 1)), chances
 
 
 def filter_measurements(
@@ -171,13 +195,13 @@ def filter_measurements(
     """
     n, modes = plant.states, len(plant.modes)
     model = sample_model(plant, sensors, [[j] for j in range(len(sensors))], steps, range(n))
-    means, covariances, chances = start(plant)
+    means, roots, chances = start(plant)
     mean, covariance = np.zeros((steps + 1, n)), np.zeros((steps + 1, n, n))
     probabilities = np.zeros((steps + 1, modes))
     nis, dimension = np.full(steps + 1, np.nan), np.zeros(steps + 1, dtype=int)
     mean[0], covariance[0], probabilities[0] = plant.mean, plant.covariance, plant.probabilities
     for k in range(1, steps + 1):
-        means, covariances, chances, _, _ = predict_step(model, k, means, covariances, chances)
+        means, roots, chances, _, _ = predict_step(model, k, means, roots, chances)
         given = readings.get(k, [])
         if given:
             at = [min(k, len(model.C)) - 1 for _ in given]
@@ -191,11 +215,12 @@ def filter_measurements(
             there = np.flatnonzero(~np.isnan(values))
             C, R, values = C[there].copy(), R[np.ix_(there, there)].copy(), values[there]
         if given and len(values):
-            nis[k], dimension[k] = _normalised(chances, means, covariances, C, R, values), len(values)
-            means, covariances, likelihoods = correct(means, covariances, C, R, values)
+            nis[k] = _normalised(chances, means, form_covariances(roots), C, R, values)
+            dimension[k] = len(values)
+            means, roots, likelihoods = correct(means, roots, C, square_root(R), values)
             chances = weigh_modes(chances, likelihoods)
         probabilities[k] = np.exp(chances)
-        combined, spread = match_moments(probabilities[k : k + 1], means, covariances)
+        combined, spread = match_moments(probabilities[k : k + 1], means, form_covariances(roots))
         mean[k], covariance[k] = combined[0], spread[0]
     return JumpEstimate(mean, covariance, probabilities, nis, dimension)
 

@@ -1,7 +1,8 @@
 """Compiled interacting-multiple-model filter with a sensor chooser, for one step and for many runs.
 
-Unknowns of a run: means (modes, n), covariances (modes, n, n), log-probabilities (modes,). A `JumpModel` holds the
-sampled problem; whatever changes with time has one entry per step k = 1 .. steps (index k - 1), the rest a single one.
+Unknowns of a run: means (modes, n), roots of the covariances (modes, n, n), log-probabilities (modes,). A `JumpModel`
+holds the sampled problem; whatever changes with time has one entry per step k = 1 .. steps (index k - 1), the rest a
+single one.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ class JumpModel(NamedTuple):
     """A jumping-mode plant and its groups of sensors as arrays.
 
     transition_matrix (modes, modes), used when there is no guard; guards as in families/hybrid/guard_probability.py;
-    A, noise (K or 1, modes, n, n) with noise = F W F'; drift (K or 1, modes, n) = B u;
-    C (K or 1, groups, p, n), R (K or 1, groups, p, p), rows (groups,) of them in use, place (groups, p) of each row
-    among all rows of all sensors; position (components,) of the state that count as position.
+    A, noise (K or 1, modes, n, n) with noise = F W F'; noise_root (K or 1, modes, n, q), a root of it;
+    drift (K or 1, modes, n) = B u; C (K or 1, groups, p, n), R and R_root, a root of it (K or 1, groups, p, p);
+    rows (groups,) of them in use, place (groups, p) of each row among all rows of all sensors; position (components,)
+    of the state that count as position.
     """
 
     transition_matrix: np.ndarray
@@ -37,9 +39,11 @@ class JumpModel(NamedTuple):
     tolerance: float
     A: np.ndarray
     noise: np.ndarray
+    noise_root: np.ndarray
     drift: np.ndarray
     C: np.ndarray
     R: np.ndarray
+    R_root: np.ndarray
     rows: np.ndarray
     place: np.ndarray
     position: np.ndarray
@@ -49,74 +53,75 @@ class Scratch(NamedTuple):
     """Arrays that every step of every run overwrites; p is the largest number of values of a group."""
 
     mixing: np.ndarray  # (modes, modes)
-    means: np.ndarray  # (modes, n)
+    mixed: np.ndarray  # (n,)
     covariances: np.ndarray  # (modes, n, n)
     expected: np.ndarray  # (modes, p)
     spread: np.ndarray  # (modes, p, p)
     cross: np.ndarray  # (modes, n, p)
-    gain: np.ndarray  # (modes, n, p)
     factor: np.ndarray  # (p, p)
     row: np.ndarray  # (p,)
-    left: np.ndarray  # (n,)
+    sources: np.ndarray  # (n, modes (n+1) + q)
+    buffer: np.ndarray  # ((p+n)^2,)
     each: np.ndarray  # (modes,)
     scores: np.ndarray  # (groups,)
 
 
 @njit(cache=True, error_model="numpy")
-def make_scratch(modes: int, states: int, rows: int, groups: int):
+def make_scratch(modes: int, states: int, rows: int, groups: int, noises: int):
     """Scratch of the given sizes.
 
     Parameters
     ----------
-    modes, states, rows, groups : rows is the largest number of values of a group
+    modes, states, rows, groups, noises : rows is the largest number of values of a group, noises q of noise_root
     """
     return Scratch(
-        np.empty((modes, modes)), np.empty((modes, states)), np.empty((modes, states, states)), np.empty((modes, rows)),
-        np.empty((modes, rows, rows)), np.empty((modes, states, rows)), np.empty((modes, states, rows)),
-        np.empty((rows, rows)), np.empty(rows), np.empty(states), np.empty(modes), np.empty(groups),
+        np.empty((modes, modes)), np.empty(states), np.empty((modes, states, states)), np.empty((modes, rows)),
+        np.empty((modes, rows, rows)), np.empty((modes, states, rows)), np.empty((rows, rows)), np.empty(rows),
+        np.empty((states, modes * (states + 1) + noises)), np.empty((rows + states) ** 2), np.empty(modes),
+        np.empty(groups),
     )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
-def predict_step(model, k: int, means: np.ndarray, covariances: np.ndarray, log_probabilities: np.ndarray):
+def predict_step(model, k: int, means: np.ndarray, roots: np.ndarray, log_probabilities: np.ndarray):
     """Steps 1 and 2 and the prediction of every mode from k - 1 to k.
 
-    c_j, x_j- and P_j- of every mode; see predict_modes, match_moments and propagate in families/hybrid/equations.py
+    c_j, x_j- and a root of P_j- of every mode; see predict_modes and predict in families/hybrid/equations.py
 
     Parameters
     ----------
     model : JumpModel
     k : step, 1 .. steps
-    means, covariances, log_probabilities : (modes, n), (modes, n, n), (modes,) at k - 1
+    means, roots, log_probabilities : (modes, n), (modes, n, n), (modes,) at k - 1
 
     Returns
     -------
-    means, covariances, log_predicted at k before the measurement, and excess and error of the guards' probabilities.
+    means, roots, log_predicted at k before the measurement, and excess and error of the guards' probabilities.
     """
     modes, states = means.shape
-    scratch = make_scratch(modes, states, 1, 1)
-    new_means, new_covariances, log_predicted = np.empty_like(means), np.empty_like(covariances), np.empty(modes)
-    excess, error = _predict(
-        model, k, means, covariances, log_probabilities, scratch, new_means, new_covariances, log_predicted
-    )
-    return new_means, new_covariances, log_predicted, excess, error
+    scratch = make_scratch(modes, states, 1, 1, model.noise_root.shape[3])
+    new_means, new_roots, log_predicted = np.empty_like(means), np.empty((modes, states, states)), np.empty(modes)
+    excess, error = _predict(model, k, means, roots, log_probabilities, scratch, new_means, new_roots, log_predicted)
+    return new_means, new_roots, log_predicted, excess, error
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _predict(model, k, means, covariances, log_probabilities, scratch, new_means, new_covariances, log_predicted):
+def _predict(model, k, means, roots, log_probabilities, scratch, new_means, new_roots, log_predicted):
     excess, error = 0.0, 0.0
     transition = model.transition_matrix
     if len(model.source):
+        in_place.form_covariances(roots, scratch.covariances)
         transition, excess, error = guard_transitions(
-            means, covariances, model.source, model.target, model.guard_rows, model.guard_L, model.guard_b,
+            means, scratch.covariances, model.source, model.target, model.guard_rows, model.guard_L, model.guard_b,
             model.threshold_mean, model.threshold_covariance, model.tolerance,
         )  # fmt: skip
     in_place.predict_modes(log_probabilities, transition, log_predicted, scratch.mixing)
-    in_place.match_moments(scratch.mixing, means, covariances, scratch.means, scratch.covariances)
     A = model.A[min(k, len(model.A)) - 1]
-    noise = model.noise[min(k, len(model.noise)) - 1]
+    noise_root = model.noise_root[min(k, len(model.noise_root)) - 1]
     drift = model.drift[min(k, len(model.drift)) - 1]
-    in_place.propagate(scratch.means, scratch.covariances, A, noise, drift, new_means, new_covariances, scratch.left)
+    in_place.predict_roots(
+        scratch.mixing, means, roots, A, noise_root, drift, new_means, new_roots, scratch.mixed, scratch.sources
+    )
     return excess, error
 
 
@@ -160,7 +165,7 @@ def score_groups(
     model,
     k: int,
     means: np.ndarray,
-    covariances: np.ndarray,
+    roots: np.ndarray,
     log_predicted: np.ndarray,
     bound_weight: float,
     position_weight: float,
@@ -173,7 +178,7 @@ def score_groups(
     ----------
     model : JumpModel
     k : step, 1 .. steps
-    means, covariances, log_predicted : (modes, n), (modes, n, n), (modes,), of `predict_step`
+    means, roots, log_predicted : (modes, n), (modes, n, n), (modes,), of `predict_step`
     bound_weight, position_weight : (1, lambda) for the paper's rule, (0, 1) for the expected covariance
 
     Returns
@@ -181,15 +186,16 @@ def score_groups(
     (groups,)
     """
     modes, states = means.shape
-    scratch = make_scratch(modes, states, model.C.shape[2], len(model.rows))
-    _score(model, k, means, covariances, log_predicted, bound_weight, position_weight, scratch)
+    scratch = make_scratch(modes, states, model.C.shape[2], len(model.rows), model.noise_root.shape[3])
+    _score(model, k, means, roots, log_predicted, bound_weight, position_weight, scratch)
     return scratch.scores
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _score(model, k, means, covariances, log_predicted, bound_weight, position_weight, scratch):
+def _score(model, k, means, roots, log_predicted, bound_weight, position_weight, scratch):
     C, R = model.C[min(k, len(model.C)) - 1], model.R[min(k, len(model.R)) - 1]
-    expected, spread, cross = scratch.expected, scratch.spread, scratch.cross
+    expected, spread, cross, covariances = scratch.expected, scratch.spread, scratch.cross, scratch.covariances
+    in_place.form_covariances(roots, covariances)
     for g in range(len(model.rows)):
         rows, score = model.rows[g], 0.0
         in_place.predict_measurement(means, covariances, C[g], R[g], rows, expected, spread, cross)
@@ -208,7 +214,7 @@ def _score(model, k, means, covariances, log_predicted, bound_weight, position_w
 def filter_runs(
     model,
     mean: np.ndarray,
-    covariance: np.ndarray,
+    root: np.ndarray,
     log_probabilities: np.ndarray,
     values: np.ndarray,
     choices: np.ndarray,
@@ -220,7 +226,7 @@ def filter_runs(
     Parameters
     ----------
     model : JumpModel
-    mean, covariance, log_probabilities : (n,), (n, n), (modes,) at k = 0, the same for every mode and run
+    mean, root, log_probabilities : (n,), (n, n) of the covariance, (modes,) at k = 0, the same for every mode and run
     values : (runs, steps, rows) what all sensors would read; only the rows of the chosen group are looked at
     choices : (runs, steps) group to use, filled in place where it is negative on entry
     bound_weight, position_weight : see `score_groups`
@@ -237,16 +243,16 @@ def filter_runs(
     chances = np.empty((runs, steps, modes))
     excess, error = 0.0, 0.0
     reading = np.empty(model.C.shape[2])
-    scratch = make_scratch(modes, states, model.C.shape[2], len(model.rows))
-    x, P, chance = np.empty((modes, states)), np.empty((modes, states, states)), np.empty(modes)
-    ahead, wide, log_predicted = np.empty_like(x), np.empty_like(P), np.empty(modes)
+    scratch = make_scratch(modes, states, model.C.shape[2], len(model.rows), model.noise_root.shape[3])
+    x, S, chance = np.empty((modes, states)), np.empty((modes, states, states)), np.empty(modes)
+    ahead, wide, log_predicted = np.empty_like(x), np.empty_like(S), np.empty(modes)
     likelihoods, weights = np.empty(modes), np.empty((1, modes))
     for run in range(runs):
         x[:] = mean
-        P[:] = covariance
+        S[:] = root
         chance[:] = log_probabilities
         for k in range(1, steps + 1):
-            over, off = _predict(model, k, x, P, chance, scratch, ahead, wide, log_predicted)
+            over, off = _predict(model, k, x, S, chance, scratch, ahead, wide, log_predicted)
             excess, error = max(excess, over), max(error, off)
             group = choices[run, k - 1]
             if group < 0:
@@ -256,14 +262,14 @@ def filter_runs(
             rows = model.rows[group]
             for i in range(rows):
                 reading[i] = values[run, k - 1, model.place[group, i]]
-            C, R = model.C[min(k, len(model.C)) - 1, group], model.R[min(k, len(model.R)) - 1, group]
+            C, R_root = model.C[min(k, len(model.C)) - 1, group], model.R_root[min(k, len(model.R_root)) - 1, group]
             in_place.correct(
-                ahead, wide, C, R, rows, reading, x, P, likelihoods, scratch.expected, scratch.spread, scratch.cross,
-                scratch.gain, scratch.factor, scratch.left, scratch.row,
-            )  # fmt: skip
+                ahead, wide, C, R_root, rows, reading, x, S, likelihoods, scratch.row, scratch.buffer
+            )
             in_place.weigh_modes(log_predicted, likelihoods, chance)
             for j in range(modes):
                 weights[0, j] = math.exp(chance[j])
                 chances[run, k - 1, j] = chance[j]
-            in_place.match_moments(weights, x, P, estimates[run, k - 1 : k], spreads[run, k - 1 : k])
+            in_place.form_covariances(S, scratch.covariances)
+            in_place.match_moments(weights, x, scratch.covariances, estimates[run, k - 1 : k], spreads[run, k - 1 : k])
     return estimates, spreads, chances, excess, error

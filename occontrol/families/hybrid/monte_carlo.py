@@ -102,9 +102,9 @@ def run_some(experiment: Experiment, models: tuple[JumpModel, JumpModel], number
         choices = np.full((len(numbers), e.steps), -1, dtype=np.int64)
     else:
         choices = np.array(e.chooser.sequence(truths.luck, len(e.groups)), dtype=np.int64, order="C")
-    means, covariances, chances = start(e.plant)
+    means, roots, chances = start(e.plant)
     estimates, spreads, log_probabilities, excess, error = filter_runs(
-        model, means[0], covariances[0], chances, truths.values, choices,
+        model, means[0], roots[0], chances, truths.values, choices,
         float(e.chooser.bound_weight), float(e.chooser.position_weight),
     )  # fmt: skip
     for what, values in (("state", truths.states[:, 1:]), ("estimate", estimates), ("covariance", spreads)):

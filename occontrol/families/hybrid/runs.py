@@ -203,7 +203,7 @@ def first_scores(problem: Problem, tried: Experiment) -> dict[str, float]:
     tried : Experiment
     """
     model, _ = tried.models()
-    means, covariances, log_predicted, _, _ = predict_step(model, 1, *start(problem.plant))
+    means, roots, log_predicted, _, _ = predict_step(model, 1, *start(problem.plant))
     weights = float(tried.chooser.bound_weight), float(tried.chooser.position_weight)
-    scores = score_groups(model, 1, means, covariances, log_predicted, *weights)
+    scores = score_groups(model, 1, means, roots, log_predicted, *weights)
     return {label: float(score) for label, score in zip(_labels(tried), scores, strict=True)}

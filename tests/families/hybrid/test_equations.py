@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from occontrol.families.hybrid.bhattacharyya import error_bound
 from occontrol.families.hybrid.equations import (
     correct,
+    form_covariances,
     match_moments,
+    predict,
     predict_measurement,
     predict_modes,
-    propagate,
     weigh_modes,
 )
 
@@ -20,7 +22,8 @@ COVARIANCES = np.array([np.diag([4, 1, 9, 2.0]), np.diag([2, 2, 5, 1.0]), np.dia
 ALPHA = np.array([0.5, 0.2, 0.3])
 SENSORS = np.array([[[1, 0, 0, 0.1], [0, 1, 0.1, 0]], [[0.1, 0, 0, 1], [0, 0.1, 1, 0]]])
 F = np.array([[0.5, 0], [1, 0], [0, 0.5], [0, 1]])
-NOISE = np.array([F @ F.T] * 3)
+NOISE_ROOTS = np.array([F] * 3)
+ROOTS = np.linalg.cholesky(COVARIANCES)
 PAPER = np.array([[0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6]])
 SKEWED = np.array([[0.7, 0.2, 0.1], [0.1, 0.8, 0.1], [0.3, 0.3, 0.4]])
 
@@ -35,14 +38,14 @@ MODES = np.array([turn(np.pi / 18), turn(-np.pi / 18), [[1, 1, 0, 0], [0, 1, 0, 
 
 def prediction(transition):
     log_predicted, mixing = predict_modes(np.log(ALPHA), transition)
-    mixed, spread = match_moments(mixing, MEANS, COVARIANCES)
-    return log_predicted, mixed, *propagate(mixed, spread, MODES, NOISE, np.zeros((3, 4)))
+    mixed, _ = match_moments(mixing, MEANS, COVARIANCES)
+    return log_predicted, mixed, *predict(mixing, MEANS, ROOTS, MODES, NOISE_ROOTS, np.zeros((3, 4)))
 
 
 def bounds(transition):
-    log_predicted, _, means, covariances = prediction(transition)
+    log_predicted, _, means, roots = prediction(transition)
     for C in SENSORS:
-        expected, spread, _ = predict_measurement(means, covariances, C, np.eye(2))
+        expected, spread, _ = predict_measurement(means, form_covariances(roots), C, np.eye(2))
         yield error_bound(log_predicted, expected, spread)
 
 
@@ -65,22 +68,38 @@ def test_bounds_of_both_sensors(transition, expected, digits):
 
 
 def test_update_with_sensor_two():
-    log_predicted, _, means, covariances = prediction(PAPER)
-    updated, spread, likelihoods = correct(means, covariances, SENSORS[1], np.eye(2), np.array([6.5, 4.0]))
+    log_predicted, _, means, roots = prediction(PAPER)
+    updated, after, likelihoods = correct(means, roots, SENSORS[1], np.eye(2), np.array([6.5, 4.0]))
     alpha = np.exp(weigh_modes(log_predicted, likelihoods))
-    mean, covariance = match_moments(alpha[None], updated, spread)
+    mean, covariance = match_moments(alpha[None], updated, form_covariances(after))
     assert alpha == pytest.approx([0.658080293047, 0.014555828054, 0.3273638789], abs=1e-9)
     assert mean[0] == pytest.approx([24.598349373407, 24.36742946446, 1.751976430588, 4.018464097009], abs=1e-9)
     assert np.trace(covariance[0]) == pytest.approx(10.635890605996, abs=1e-9)
 
 
-def test_joseph_form_equals_the_information_form_and_stays_symmetric():
-    _, _, means, covariances = prediction(PAPER)
-    _, spread, _ = correct(means, covariances, SENSORS[0], np.eye(2), np.array([1.0, 2.0]))
-    for before, after in zip(covariances, spread, strict=True):
-        information = np.linalg.inv(before) + SENSORS[0].T @ SENSORS[0]
-        assert np.allclose(after, np.linalg.inv(information), rtol=1e-10, atol=1e-12)
-        assert np.array_equal(after, after.T)
+def test_prediction_by_roots_equals_moments_and_propagation():
+    _, mixing = predict_modes(np.log(ALPHA), SKEWED)
+    drift = np.arange(12.0).reshape(3, 4)
+    means, roots = predict(mixing, MEANS, ROOTS, MODES, NOISE_ROOTS, drift)
+    mixed, spread = match_moments(mixing, MEANS, COVARIANCES)
+    for j, (A, S) in enumerate(zip(MODES, roots, strict=True)):
+        assert means[j] == pytest.approx(A @ mixed[j] + drift[j], rel=1e-13)
+        assert np.allclose(S @ S.T, A @ spread[j] @ A.T + F @ F.T, rtol=1e-12, atol=1e-12)
+        assert np.array_equal(S, np.tril(S))
+
+
+def test_update_equals_the_information_form_also_where_readings_are_correlated():
+    _, _, means, roots = prediction(PAPER)
+    R_root, values = np.array([[1.0, 0.3], [0.5, 0.7]]), np.array([1.0, 2.0])
+    inverse = np.linalg.inv(R_root @ R_root.T)
+    updated, after, likelihoods = correct(means, roots, SENSORS[0], R_root, values)
+    for j, (before, root) in enumerate(zip(form_covariances(roots), after, strict=True)):
+        expected = np.linalg.inv(np.linalg.inv(before) + SENSORS[0].T @ inverse @ SENSORS[0])
+        assert np.allclose(root @ root.T, expected, rtol=1e-10, atol=1e-12)
+        innovation = values - SENSORS[0] @ means[j]
+        assert updated[j] == pytest.approx(means[j] + expected @ SENSORS[0].T @ inverse @ innovation, rel=1e-10)
+        S = SENSORS[0] @ before @ SENSORS[0].T + R_root @ R_root.T
+        assert likelihoods[j] == pytest.approx(multivariate_normal.logpdf(innovation, cov=S), rel=1e-11)
 
 
 def test_far_off_modes_do_not_underflow():
