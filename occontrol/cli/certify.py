@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from occontrol.cli.output import note, print_json, print_pairs
 from occontrol.cli.solve import JsonFlag, write_with_figures
 from occontrol.core.problem import BaseProblem
-from occontrol.core.schedule import Schedule
+
+if TYPE_CHECKING:
+    from occontrol.core.schedule import Schedule
 
 
 def certify(

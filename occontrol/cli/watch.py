@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 RECENT = 40
 PATIENCE = 0.5  # seconds in which nothing is said
+SHOW_CURSOR = b"\r\n\x1b[?25h"
 _pending: threading.Timer | None = None
 
 
@@ -63,10 +64,13 @@ def _signals(monitor: Watched) -> Iterator[None]:
 
     def stop(number: int, frame: FrameType | None) -> None:
         monitor.interrupted = number
-        if display is not None:
-            display.stop()  # also brings the cursor back, should a second signal end the process
         for each in previous:
             signal.signal(each, signal.SIG_DFL)
+        if display is not None:
+            try:
+                display.stop()  # also brings the cursor back, should a second signal end the process
+            except RuntimeError:  # the signal came while the display was writing: its buffer takes no second writer
+                os.write(2, SHOW_CURSOR)
         # os.write: a print could be inside the very buffer that the signal interrupted
         os.write(2, b"stopping; the best so far is kept (once more to abort at once)\n")
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar, overload
 
-import numpy as np
-
 if TYPE_CHECKING:
     import casadi
+    import numpy as np
 
     from occontrol.core.signal import Signal
 
