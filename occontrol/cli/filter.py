@@ -11,11 +11,11 @@ import typer
 from occontrol.cli.export import RunFolder
 from occontrol.cli.output import note
 from occontrol.core.errors import Mistake
-from occontrol.core.measurement import Estimate
 from occontrol.core.problem import BaseProblem
-from occontrol.core.solution import Solution
 
 if TYPE_CHECKING:
+    from occontrol.core.measurement import Estimate
+    from occontrol.core.solution import Solution
     from occontrol.core.trajectory import Trajectory
 
 
