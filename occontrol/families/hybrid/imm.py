@@ -116,7 +116,8 @@ def _wide_root(root: np.ndarray, states: int) -> np.ndarray:
     """A root (K, n, q) with q <= n columns of the same matrices."""
     if root.shape[2] <= states:
         return root
-    return np.linalg.qr(root.transpose(0, 2, 1), mode="r").transpose(0, 2, 1)
+    triangles = np.asarray(np.linalg.qr(root.transpose(0, 2, 1), mode="r"))
+    return triangles.transpose(0, 2, 1)
 
 
 def _as_wide(roots: Sequence[np.ndarray]) -> list[np.ndarray]:
