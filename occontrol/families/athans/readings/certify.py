@@ -14,7 +14,7 @@ from occontrol.families.athans.certify import parts_of
 from occontrol.families.athans.readings.fill import feasible_set
 from occontrol.families.athans.readings.filter import weights_on
 from occontrol.families.athans.readings.problem import ReadingsProblem
-from occontrol.families.athans.readings.solve import judged
+from occontrol.families.athans.readings.solve import judged, rounded_cost
 from occontrol.files.segments import as_read
 
 SAME = 1e-9
@@ -40,13 +40,8 @@ def certify(problem: ReadingsProblem, schedule: Schedule, claims: Claims | None 
     solution, found = judged(problem, weights, gap)
     if claims is None or solution.certificate is None:
         return solution
-    lowest = solution.certificate.cost
-    if found.relaxed is not None:
-        lowest = min(lowest, solution.numbers.relaxed_cost)
-    # a bound that knows readings are whole may lie above the relaxed cost, never above a schedule's
-    bound = claims.lower_bound
-    if bound is not None and bound <= max(solution.certificate.lower_bound, lowest):
-        lowest = max(lowest, bound)
+    # a bound that knows readings are whole may lie above the relaxed cost: only schedules refute it
+    lowest = min(solution.certificate.cost, rounded_cost(problem, found))
     refuted = false_claims(claims, solution.certificate.cost, lowest, None, parts_of(solution.numbers))  # type: ignore[arg-type]
     if refuted:
         return dataclasses.replace(solution, status=Status.DISAGREES, message="; ".join(refuted))

@@ -17,6 +17,7 @@ from occontrol.families.athans.readings.budgets import with_budget
 from occontrol.families.athans.readings.fill import feasible_set, fill
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.scheduling.budget import BudgetSet
+from occontrol.scheduling.rounding import roundings
 from occontrol.scheduling.sweep import Sweep
 
 
@@ -65,3 +66,18 @@ def judged(problem: ReadingsProblem, weights: np.ndarray, relative_gap: float) -
     found.weights = weights
     found = tighten(sweep, allowed, found, None, monitor, keep=True)
     return assemble(problem, "certify", filled, found, monitor, began), found
+
+
+def rounded_cost(problem: ReadingsProblem, found: Found) -> float:
+    """J of the best schedule that the relaxation rounds to; inf without a relaxation.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem
+    found : with the relaxation that stands beside a policy
+    """
+    if found.relaxed is None:
+        return np.inf
+    filled, allowed = fill(problem), feasible_set(problem)
+    sweep = Sweep(filled.recursion)
+    return min(sweep.cost(v) for v in roundings(found.relaxed.weights, allowed)) + filled.constant
