@@ -23,6 +23,7 @@ class Claims:
     relative_gap : (cost - lower_bound) / |cost|, or None
     parts : further numbers by the names that they have in a result, such as prediction_error
     choices : what repeats a run beyond its schedule, such as where movable sensors stood; in the family's own terms
+    whole : whether `lower_bound` is one for schedules without shares only, so that a relaxed policy does not refute it
     """
 
     cost: float | None = None
@@ -30,6 +31,7 @@ class Claims:
     continuous_bound: float | None = None
     relative_gap: float | None = None
     parts: Mapping[str, float] = field(default_factory=dict)
+    whole: bool = False
     choices: Any = None
 
 

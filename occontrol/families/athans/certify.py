@@ -36,7 +36,7 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     Raises ProblemError, in the words of the reader of schedule files, when the schedule does not cover the horizon,
     breaks a window, names an unknown sensor or does not use `select` sensors at a time.
     """
-    if problem.ruled:
+    if problem.ruled or (claims is not None and claims.whole):  # a bound of whole schedules is the tree's
         from occontrol.families.athans.rules.certify import certify_ruled
 
         return certify_ruled(problem, schedule, claims)
@@ -91,7 +91,7 @@ def claims_of(solution: Solution) -> Claims:
     bound = None if numbers.continuous is None else numbers.continuous.lower_bound
     cost, lower = (None, None) if solution.certificate is None else (solution.cost, solution.certificate.lower_bound)
     bound, gap = (float(x) if isinstance(x, int | float) else None for x in (bound, numbers.relative_gap))
-    return Claims(cost, lower, bound, gap, parts_of(numbers))
+    return Claims(cost, lower, bound, gap, parts_of(numbers), whole=numbers.proven_optimal is not None)
 
 
 def on_common_grid(problem: SchedulingProblem, schedule: Schedule) -> tuple[SchedulingProblem, np.ndarray]:

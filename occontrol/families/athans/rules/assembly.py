@@ -15,11 +15,12 @@ from occontrol.families.athans.certificate import Judgement, judge
 from occontrol.families.athans.discretise import feasible_set, prediction_weight
 from occontrol.families.athans.filter.gains import filter_gains
 from occontrol.families.athans.filter.planned import planned_gains
+from occontrol.families.athans.integration.integrator import Integrator
 from occontrol.families.athans.integration.path import finer_steps, parts_of
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers, TopNumbers
 from occontrol.families.athans.rules.binding import active_rules, multipliers_of
 from occontrol.families.athans.rules.setting import Setting, user_weights
-from occontrol.scheduling.proof import Proof
+from occontrol.scheduling.proof import MESHES, Proof
 from occontrol.scheduling.relaxation import RelaxedOutcome
 from occontrol.scheduling.rounding import singular_intervals
 from occontrol.scheduling.rules.check import changes
@@ -49,6 +50,7 @@ class Outcome:
     target : relative gap of the relaxation
     gap : relative gap at which a schedule counts as proven optimal
     exact : whether the search was to go on to the end
+    steps_chosen : whether the steps of integration are ours and not the file's
     """
 
     plan: Plan | None
@@ -65,6 +67,7 @@ class Outcome:
     target: float = 1e-4
     gap: float = 1e-6
     exact: bool = False
+    steps_chosen: bool = False
     extra: PlainDict = field(default_factory=dict)
 
 
@@ -99,9 +102,9 @@ def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor
     observation = float(np.vdot(setting.rates, found.plan.on if found.plan is not None else on))
     error = evaluated.cost - float(np.vdot(task.price[:, :M], measuring))
     running = error - parts.prediction if r.running.shape[0] else 0.0
-    proven = found.plan is not None and certificate.relative_gap <= found.gap
+    proven = found.plan is not None and bool(certificate.relative_gap <= found.gap)
     status, message = _status(found, proven, certificate, judged, proof)
-    top = TopNumbers(certificate.cost, certificate.lower_bound, certificate.relative_gap, "grid")
+    top = _top(integrator, found, certificate, evaluated.error)
     continuous = _continuous(setting, certificate, evaluated.cost, judged, unfinished)
     schedule = Schedule(problem.edges, on, tuple(problem.sensors.names))
     relaxed = found.relaxed
@@ -236,6 +239,16 @@ def _plain_bound(setting: Setting, found: Outcome, proof: Proof) -> float:
     constant += nu * (J - linear - task.rules.max_error) if nu > 0 else 0.0
     least = np.min((slope @ task.oracle.automaton.columns.T) + np.where(task.oracle.open, 0.0, np.inf), axis=1)
     return min(max(constant + float(np.sum(least)), 0.0), proof.certificate.lower_bound)
+
+
+def _top(integrator: Integrator, found: Outcome, certificate: Certificate, error: float) -> TopNumbers:
+    """The pair for the top: where the steps are ours, the recursion's error is taken off its bound."""
+    shown = certificate
+    if found.steps_chosen and np.isfinite(certificate.lower_bound):
+        policy = np.ascontiguousarray(found.root.proof[0][:, : integrator.recursion.sensors])
+        error = max(error, integrator.evaluate(policy).error)
+        shown = Certificate(certificate.cost, certificate.lower_bound - MESHES * error)
+    return TopNumbers(float(shown.cost), float(shown.lower_bound), float(shown.relative_gap), "grid")
 
 
 def _message(top: TopNumbers, proven: bool, found: Outcome, ruled: bool) -> str:

@@ -63,6 +63,7 @@ def certify_ruled(problem: SchedulingProblem, schedule: Schedule, claims: Claims
     search, tree = searched(setting, relaxed, TreeOptions(most=1, moves=0), monitor, [plan])
     found = Outcome(plan, plan.weights, plan.switching, tree.lower_bound, tree.root, search.rows, tree.nodes)
     found.relaxed, found.status, found.target = relaxed, relaxed.status, gap
+    found.steps_chosen = problem.integration.substeps is None
     solution = restored(assemble_ruled(setting, found, "certify", monitor, started), problem, units)
     if claims is not None and solution.certificate is not None:
         numbers: AthansResult = solution.numbers  # type: ignore[assignment]

@@ -75,6 +75,7 @@ def solve_ruled(problem: SchedulingProblem, method: Any, monitor: Monitor) -> So
         outcome = _obeying(work, problem, method)
     outcome.relaxed = base.relaxed
     outcome.target = method.relative_gap
+    outcome.steps_chosen = problem.integration.substeps is None
     solution = assemble_ruled(setting, outcome, method.name, monitor, began)
     return restored(solution, problem, units)
 
