@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 ERROR = "_standard_error"
 GROUPS = ("top", "continuous")  # numbers that belong together
 
+SAME = 1e-9  # by so much rounding may put a cost below a bound, relative
+
 
 def compare(
     file: ProblemFile,
@@ -101,7 +103,10 @@ def comparison(solutions: dict[str, Solution]) -> list[PlainDict]:
         record: PlainDict = {"method": name, "status": str(solution.status), "cost": cost}
         record["lower_bound"] = getattr(numbers, "lower_bound", None) if top is None else top.lower_bound
         if best is not None and isinstance(cost, int | float) and cost:
-            record["gap_to_best_bound"] = (cost - best) / abs(cost)
+            gap = (cost - best) / abs(cost)
+            # shares of readings may cost less than any schedule of whole ones: there is nothing to compare
+            split = solution.schedule is not None and not solution.schedule.is_integer
+            record["gap_to_best_bound"] = None if split and gap < -SAME else gap
         # whatever else the family reports as a number, or as several that belong together
         for key, value in solution.result.items():
             if key in GROUPS and isinstance(value, dict):

@@ -10,13 +10,12 @@ from occontrol.core.plant import state_names
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.families.athans.discretise import half_predicts
-from occontrol.families.athans.figures_compare import draw_compare, sizes
+from occontrol.families.athans.figures_compare import draw_compare
+from occontrol.families.athans.overview import compress, convergence, overview, subtitle
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.files.figures import style
 from occontrol.files.figures.panels import (
-    convergence_panel,
     curves_panel,
-    history_columns,
     legend,
     map_panel,
     schedule_panel,
@@ -24,8 +23,6 @@ from occontrol.files.figures.panels import (
 from occontrol.numerics.transition import transitions
 
 __all__ = ["draw", "draw_compare"]
-
-WIDEST_LINEAR = 20.0  # the largest switching function may be this many times the median before the axis is compressed
 
 
 def draw(problem: SchedulingProblem, solution: Solution) -> dict[str, Figure]:
@@ -40,13 +37,15 @@ def draw(problem: SchedulingProblem, solution: Solution) -> dict[str, Figure]:
     """
     with style.house_style():
         figures = {
-            "overview": _overview(problem, solution),
+            "overview": overview(
+                problem, solution, (_draw_schedule, _draw_states, _draw_switching), _switches(solution)
+            ),
             "schedule": _schedule(problem, solution),
             "deviations": _deviations(problem, solution),
             "switching": _switching(problem, solution),
         }
-        convergence = _convergence(problem, solution)
-        return figures if convergence is None else {**figures, "convergence": convergence}
+        last = convergence(problem, solution)
+        return figures if last is None else {**figures, "convergence": last}
 
 
 def output_deviation(problem: SchedulingProblem, covariance: np.ndarray) -> np.ndarray:
@@ -73,14 +72,6 @@ def output_deviation(problem: SchedulingProblem, covariance: np.ndarray) -> np.n
             variance = variance + np.einsum("pi,ij,pj->p", row, Q[half], row)
             row = row @ F[half]
     return result
-
-
-def _subtitle(problem: SchedulingProblem, solution: Solution) -> str:
-    text = f"method {solution.method} · {sizes(problem)}"
-    c = solution.numbers.top or solution.certificate
-    if c is None or not np.isfinite(c.lower_bound):
-        return f"{text} · cost {solution.cost:.7g}"
-    return f"{text} · cost {c.cost:.7g}, proven bound {c.lower_bound:.7g}, gap {100 * c.relative_gap:.2g} %"
 
 
 def _windows(problem: SchedulingProblem, schedule: Schedule) -> np.ndarray | None:
@@ -143,10 +134,7 @@ def _draw_switching(axes: Axes, problem: SchedulingProblem, solution: Solution, 
             if solution.schedule is not None:
                 used = np.where(solution.schedule.weights[:, j] > 1e-3, switching[:, j], np.nan)
                 axes.step(edges, np.append(used, used[-1]), where="post", color=colours[j], linewidth=3.2, alpha=0.8)
-        finite = np.abs(switching[np.isfinite(switching) & (switching != 0)])
-        if len(finite) and np.max(finite) > WIDEST_LINEAR * np.median(finite):
-            # linear up to a power of ten, so that its ticks keep clear of the zero
-            axes.set_yscale("symlog", linthresh=10.0 ** np.ceil(np.log10(np.median(finite))))
+        compress(axes, switching)
         axes.set_ylabel("cost / time")
         axes.grid(axis="y")
         legend(axes, len(names))
@@ -177,13 +165,13 @@ def _switching_title(solution: Solution, switching: np.ndarray) -> str:
 
 def _schedule(problem: SchedulingProblem, solution: Solution) -> Figure:
     rows = min(len(problem.sensors), 40)
-    figure = style.new_figure((12, min(9.0, 2.2 + 0.36 * rows)), problem.name, _subtitle(problem, solution))
+    figure = style.new_figure((12, min(9.0, 2.2 + 0.36 * rows)), problem.name, subtitle(problem, solution))
     _draw_schedule(figure.subplots(), problem, solution)
     return figure
 
 
 def _deviations(problem: SchedulingProblem, solution: Solution) -> Figure:
-    figure = style.new_figure((12, 7), problem.name, _subtitle(problem, solution))
+    figure = style.new_figure((12, 7), problem.name, subtitle(problem, solution))
     upper, lower = figure.subplots(2, 1)
     _draw_states(upper, problem, solution, label=False)
     _draw_output(lower, problem, solution)
@@ -191,74 +179,16 @@ def _deviations(problem: SchedulingProblem, solution: Solution) -> Figure:
 
 
 def _switching(problem: SchedulingProblem, solution: Solution) -> Figure:
-    figure = style.new_figure((12, 6), problem.name, _subtitle(problem, solution))
+    figure = style.new_figure((12, 6), problem.name, subtitle(problem, solution))
     _draw_switching(figure.subplots(), problem, solution)
     return figure
 
 
-def _target(problem: SchedulingProblem) -> float | None:
-    return getattr(problem.method, "relative_gap", None)
-
-
-def _convergence(problem: SchedulingProblem, solution: Solution) -> Figure | None:
-    figure = style.new_figure((12, 5.5), problem.name, _subtitle(problem, solution))
-    left, right = figure.subplots(1, 2)
-    if not convergence_panel(right, solution.history, _target(problem)):
-        return None
-    right.set_title("gap between best cost and best bound")
-    cost, bound = history_columns(solution.history)
-    steps = np.arange(1, len(cost) + 1)
-    left.plot(steps, cost, color=style.ACCENT, label="cost")
-    left.plot(steps, bound, color=style.SECOND, label="lower bound")
-    # early bounds can be far below; the picture is about where the two meet
-    low, high = (
-        np.nanmax(np.where(np.isfinite(bound), bound, -np.inf)),
-        np.nanmax(np.where(np.isfinite(cost), cost, np.nan)),
-    )
-    least = np.nanmin(cost)
-    room = max(high - low, 1e-6 * abs(least))
-    left.set_ylim(
-        max(np.nanmin(np.where(np.isfinite(bound), bound, low)), low - 2 * room) - 0.05 * room, high + 0.05 * room
-    )
-    left.set_title("cost from above, bound from below")
-    left.set_xlabel("iteration")
-    left.grid(axis="y")
-    left.legend()
-    return figure
-
-
-def _overview(problem: SchedulingProblem, solution: Solution) -> Figure:
-    figure = style.new_figure(style.SLIDE, problem.name, f"method {solution.method} · {sizes(problem)}")
-    grid = figure.add_gridspec(
-        3, 2, width_ratios=[3.5, 1], height_ratios=[max(1.0, min(2.2, 0.16 * len(problem.sensors))), 1, 1]
-    )
-    _draw_schedule(figure.add_subplot(grid[0, 0]), problem, solution, label=False)
-    _draw_states(figure.add_subplot(grid[1, 0]), problem, solution, label=False)
-    _draw_switching(figure.add_subplot(grid[2, 0]), problem, solution)
-    text = figure.add_subplot(grid[:2, 1])
-    text.axis("off")
-    text.text(0, 1, "certificate", fontweight="bold", fontsize=12, va="top")
-    text.text(0, 0.94, _certificate_text(solution), va="top", fontsize=11, linespacing=1.5)
-    corner = figure.add_subplot(grid[2, 1])
-    if convergence_panel(corner, solution.history, _target(problem)):
-        corner.set_title("convergence")
-    else:
-        corner.axis("off")
-    return figure
-
-
-def _certificate_text(solution: Solution) -> str:
-    c, top = solution.certificate, solution.numbers.top
-    lines = [f"status {solution.status}"]
-    if top is not None and top.of == "continuous":
-        lines += ["", "whenever it switches", f"cost {top.cost:.7g}", f"proven bound {top.lower_bound:.7g}"]
-        lines += [f"gap {100 * top.relative_gap:.3g} %", "", "with changes at these edges"]
-    lines += [f"cost {solution.cost:.7g}"]
-    if c is not None and np.isfinite(c.lower_bound):
-        lines += [f"proven bound {c.lower_bound:.7g}", f"gap {100 * c.relative_gap:.3g} %"]
+def _switches(solution: Solution) -> list[str]:
     schedule = solution.schedule
-    if schedule is not None:
-        lines += ["", f"{schedule.switches} switch{'es' * (schedule.switches != 1)}"]
-        if schedule.singular_fraction:
-            lines += [f"singular {100 * schedule.singular_fraction:.3g} % of the time"]
-    return "\n".join(lines)
+    if schedule is None:
+        return []
+    lines = ["", f"{schedule.switches} switch{'es' * (schedule.switches != 1)}"]
+    if schedule.singular_fraction:
+        lines += [f"singular {100 * schedule.singular_fraction:.3g} % of the time"]
+    return lines

@@ -12,6 +12,8 @@ from occontrol.core.solution import Solution
 from occontrol.families.athans.base import AthansProblem
 from occontrol.files.figures import style
 
+SAME = 1e-6  # percent by which rounding may put a cost below a bound
+
 
 def sizes(problem: AthansProblem) -> str:
     """The size of a problem in words.
@@ -54,7 +56,10 @@ def draw_compare(problem: AthansProblem, solutions: Mapping[str, Solution]) -> F
         places = np.arange(count)[::-1]
         right.barh(places, costs, height=0.6, color=style.ACCENT, alpha=0.85)
         for place, cost in zip(places, costs, strict=True):
-            text = f" {cost:.6g}" + (f"  (+{100 * (cost - best) / abs(cost):.2g} %)" if best == best and cost else "")
+            apart = 100 * (cost - best) / abs(cost) if best == best and cost else np.nan
+            # below a bound for whole readings lie only policies that split them
+            beside = "  (shares)" if apart < -SAME else f"  (+{max(apart, 0.0):.2g} %)" if apart == apart else ""
+            text = f" {cost:.6g}{beside}"
             right.text(cost, place, text, va="center", fontsize=10)
         if best == best:
             right.axvline(best, color=style.SECOND, linewidth=1.5)
@@ -93,3 +98,5 @@ def _compared_schedules(axes: Axes, problem: AthansProblem, solutions: Mapping[s
             axes.fill_between([], [], color=colour, label=style.shorten(name))
         axes.figure.legend(loc="outside lower left", ncols=min(6, len(colours)))
     style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1])
+    if problem.takes_readings and problem.discrete:
+        axes.set_xlabel("step k")

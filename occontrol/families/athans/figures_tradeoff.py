@@ -26,7 +26,7 @@ def draw(front: Front) -> dict[str, Figure]:
 
 def _front(front: Front) -> Figure:
     gaps = (front.schedules.cost - front.lower_bound) / np.abs(front.schedules.cost)
-    where = "" if front.of == "continuous" else " on this grid"
+    where = {"continuous": "", "grid": " on this grid", "problem": " of these readings"}[front.of]
     subtitle = f"{len(gaps)} cost weights; no schedule{where} lies in the shaded region"
     figure = style.new_figure((13.33, 6.8), front.problem.name, subtitle)
     left, right = figure.subplots(1, 2, width_ratios=[2, 1])
@@ -49,7 +49,8 @@ def _front(front: Front) -> Figure:
             left.annotate(f"{alpha:.2g}", (x, y), (5, 5), textcoords="offset points", fontsize=8, color="#666666")
             seen.append((x, y))
     running = " + running cost" if front.problem.running is not None else ""
-    left.set_xlabel("observation cost  ∫ Σ q v dt   (numbers: cost weight α)")
+    spent = "Σ q v" if front.of == "problem" else "∫ Σ q v dt"
+    left.set_xlabel(f"observation cost  {spent}   (numbers: cost weight α)")
     left.set_ylabel(f"prediction error  tr(W Σ(T)){running}")
     left.legend(loc="upper right")
     left.grid()
@@ -76,6 +77,8 @@ def _schedules(front: Front) -> Figure:
     axes.tick_params(axis="y", length=0)
     edges = front.problem.edges
     style.tidy_time_axis(axes, float(edges[0]), float(edges[-1]))
+    if front.problem.takes_readings and front.problem.discrete:
+        axes.set_xlabel("step k")
     used = [j for j in range(len(names)) if np.any(front.schedules.weights[:, :, j] > 0)]
     if len(set(colours)) > 2 or len(names) <= 3:
         handles = [Patch(color=colours[j], label=style.shorten(names[j])) for j in used]

@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 from occontrol.core.plant import state_names
 from occontrol.core.sensor import IDLE
 from occontrol.core.solution import Solution
-from occontrol.families.athans.figures_compare import sizes
+from occontrol.families.athans.overview import compress, convergence, overview, subtitle
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.files.figures import style
-from occontrol.files.figures.panels import convergence_panel, curves_panel, legend, map_panel
+from occontrol.files.figures.panels import curves_panel, legend, map_panel
 
 MOST_NAMED = 40  # sensors whose rows carry a name
-WIDEST_LINEAR = 20.0  # largest switching function over the median before the axis is compressed
+MOST_COUNTED = 10  # sensors whose readings are listed
 
 
 def draw(problem: ReadingsProblem, solution: Solution) -> dict[str, Figure]:
@@ -30,27 +30,19 @@ def draw(problem: ReadingsProblem, solution: Solution) -> dict[str, Figure]:
     """
     with style.house_style():
         figures = {
-            "overview": _overview(problem, solution),
+            "overview": overview(
+                problem, solution, (_draw_schedule, _draw_states, _draw_switching), _counts(problem, solution)
+            ),
             "schedule": _one(problem, solution, _draw_schedule, 2.2 + 0.36 * min(len(problem.sensors), 30)),
             "deviations": _one(problem, solution, _draw_states, 6.0),
             "switching": _one(problem, solution, _draw_switching, 6.0),
         }
-        figure = style.new_figure((12, 5.0), problem.name, _subtitle(problem, solution))
-        if convergence_panel(figure.subplots(), solution.history, getattr(problem.method, "relative_gap", None)):
-            figures["convergence"] = figure
-        return figures
-
-
-def _subtitle(problem: ReadingsProblem, solution: Solution) -> str:
-    c = solution.certificate
-    text = f"method {solution.method} · {sizes(problem)}"
-    if c is None or not np.isfinite(c.lower_bound):
-        return text
-    return f"{text} · cost {c.cost:.7g}, proven bound {c.lower_bound:.7g}, gap {100 * c.relative_gap:.2g} %"
+        last = convergence(problem, solution)
+        return figures if last is None else {**figures, "convergence": last}
 
 
 def _one(problem: ReadingsProblem, solution: Solution, draw_panel, height: float) -> Figure:
-    figure = style.new_figure((12, min(10.0, height)), problem.name, _subtitle(problem, solution))
+    figure = style.new_figure((12, min(10.0, height)), problem.name, subtitle(problem, solution))
     draw_panel(figure.subplots(), problem, solution)
     return figure
 
@@ -117,15 +109,13 @@ def _draw_switching(axes: Axes, problem: ReadingsProblem, solution: Solution, la
     upper = problem.upper[problem.clock.owner]
     switching = np.where(upper > 0, solution.arrays["switching"], np.nan)
     if len(names) <= style.MOST_LINES:
-        axes.set_title("switching functions: price of a reading less what it saves to first order (dots: read)")
+        axes.set_title("switching functions: price less first-order saving (dots: read)")
         colours = style.sensor_colours(names)
         for j, name in enumerate(names):
             axes.plot(problem.clock.times, switching[:, j], color=colours[j], lw=0.8, label=style.shorten(name))
             used = solution.arrays["weights"][:, j] > 0.5
             axes.plot(problem.clock.times[used], switching[used, j], "o", ms=3.5, color=colours[j], clip_on=False)
-        finite = np.abs(switching[np.isfinite(switching) & (switching != 0)])
-        if len(finite) and np.max(finite) > WIDEST_LINEAR * np.median(finite):
-            axes.set_yscale("symlog", linthresh=10.0 ** np.ceil(np.log10(np.median(finite))))
+        compress(axes, switching)
         axes.set_ylabel("cost of a reading")
         axes.grid(axis="y")
         legend(axes, len(names))
@@ -138,28 +128,8 @@ def _draw_switching(axes: Axes, problem: ReadingsProblem, solution: Solution, la
     _axis(axes, problem, label)
 
 
-def _overview(problem: ReadingsProblem, solution: Solution) -> Figure:
-    figure = style.new_figure(style.SLIDE, problem.name, f"method {solution.method} · {sizes(problem)}")
-    grid = figure.add_gridspec(
-        3, 2, width_ratios=[3.5, 1], height_ratios=[max(1.0, min(2.2, 0.16 * len(problem.sensors))), 1, 1]
-    )
-    _draw_schedule(figure.add_subplot(grid[0, 0]), problem, solution, label=False)
-    _draw_states(figure.add_subplot(grid[1, 0]), problem, solution, label=False)
-    _draw_switching(figure.add_subplot(grid[2, 0]), problem, solution)
-    text = figure.add_subplot(grid[:2, 1])
-    text.axis("off")
-    text.text(0, 1, "certificate", fontweight="bold", fontsize=12, va="top")
-    c, lines = solution.certificate, [f"status {solution.status}", "", "of all schedules of these readings"]
-    lines.append(f"cost {solution.cost:.7g}")
-    if c is not None and np.isfinite(c.lower_bound):
-        lines += [f"proven bound {c.lower_bound:.7g}", f"gap {100 * c.relative_gap:.3g} %"]
+def _counts(problem: ReadingsProblem, solution: Solution) -> list[str]:
+    """How often each sensor is read."""
     counts = np.sum(solution.arrays["weights"], axis=0)
-    used = [f"{style.shorten(n)}: {x:.4g}" for n, x in zip(problem.sensors.names, counts, strict=True) if n != IDLE]
-    lines += ["", "readings", *used[:10]]
-    text.text(0, 0.94, "\n".join(lines), va="top", fontsize=11, linespacing=1.5)
-    corner = figure.add_subplot(grid[2, 1])
-    if convergence_panel(corner, solution.history, getattr(problem.method, "relative_gap", None)):
-        corner.set_title("convergence")
-    else:
-        corner.axis("off")
-    return figure
+    named = zip(problem.sensors.names, counts, strict=True)
+    return ["", "readings", *[f"{style.shorten(name)}: {x:.4g}" for name, x in named if name != IDLE][:MOST_COUNTED]]

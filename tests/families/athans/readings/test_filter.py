@@ -117,3 +117,61 @@ def test_there_is_one_filter_only():
     solution = solve(problem)
     with pytest.raises(UsageError, match="readings have one filter, which is exact; there is no model 'split'"):
         run_filter(problem, solution, [], model="split")
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_the_tables_make_the_filter_without_this_package(name):
+    """The equations of filter/tables.py with the exported arrays alone, also with a reading lost."""
+    from occontrol.api import family_of
+
+    problem = MAKERS[name]()
+    solution = solve(problem)
+    t = family_of(problem).filter_tables(problem, solution)
+    measurements, _ = simulate(problem, solution, seed=5)
+    del measurements[2]
+    estimate = run_filter(problem, solution, measurements)
+    given = {(m.time, m.sensor): m.values for m in measurements}
+    x, P = t["mean"], t["covariance"][0]
+    for k in range(problem.readings):
+        time, used = t["edges"][k + 1], [j for j in t["sensor"][k] if j >= 0]
+        names = [problem.sensors.names[j] for j in dict.fromkeys(used)]
+        lost = [np.full(used.count(problem.sensors.names.index(each)), np.nan) for each in names]
+        z = np.concatenate([given.get((time, each), none) for each, none in zip(names, lost, strict=True)])
+        kept = np.flatnonzero(np.isfinite(z))
+        H, d = t["observe"][k][kept], t["offset"][k][kept]
+        R, S = t["reading_noise"][k][np.ix_(kept, kept)], t["cross"][k][:, kept]
+        F, Y = t["transition"][k], H @ P @ H.T + R
+        K = (F @ P @ H.T + S) @ np.linalg.inv(Y)
+        x, P = F @ x + t["input"][k] + K @ (z[kept] - H @ x - d), (
+            (F - K @ H) @ P @ (F - K @ H).T + t["noise"][k] - K @ S.T - S @ K.T + K @ R @ K.T
+        )
+        np.testing.assert_allclose(estimate.mean[k + 1], x, rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(estimate.covariance[k + 1], P, rtol=1e-9, atol=1e-12)
+    w = t["predict_matrix"][-1] @ x + t["predict_offset"][-1]
+    np.testing.assert_allclose(estimate.predicted[-1], w, rtol=1e-9, atol=1e-11)
+
+
+def test_a_known_input_moves_estimate_and_prediction():
+    """With every reading lost the mean follows dx/dt = A x + B u, and so does each prediction for predict_at."""
+    from scipy.integrate import solve_ivp
+
+    from occontrol.core.plant import LinearPlant
+    from occontrol.core.sensor import Sensor
+    from occontrol.families.athans.readings.clock import SampleTimes
+    from occontrol.families.athans.readings.problem import ReadingsProblem
+
+    A, B = np.array([[0.0, 1], [-1, -0.4]]), np.array([[0.0], [1.0]])
+    plant = LinearPlant(A=A, noise=np.diag([0, 0.5]), covariance=np.eye(2), mean=[1, 0.5], B=B, input=["sin(2*t)+1"])
+    clock = SampleTimes([0.5, 1.0, 2.2], 0.0, 3.0)
+    problem = ReadingsProblem("driven", plant, [Sensor("one", [[1, 0]], [[0.1]])], clock, [[1, 0]], predict_at=4.0)
+    solution = solve(problem)
+    estimate = run_filter(problem, solution, [])
+    path = solve_ivp(
+        lambda t, x: A @ x + B[:, 0] * (np.sin(2 * t) + 1), (0, 4), [1, 0.5], "DOP853", rtol=1e-12, atol=1e-13,
+        dense_output=True,
+    ).sol  # fmt: skip
+    for t, x in zip(estimate.times, estimate.mean, strict=True):
+        np.testing.assert_allclose(x, path(t), rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(estimate.predicted[:, 0], path(4.0)[0], rtol=1e-8)
+    # and the spread of the prediction is the prior's, carried on with all noise, however early it is made
+    np.testing.assert_allclose(estimate.predicted_deviation[:, 0], estimate.predicted_deviation[0, 0], rtol=1e-8)
