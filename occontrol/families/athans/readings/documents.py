@@ -78,40 +78,38 @@ class ReadingsObjective(Strict):
     running_at: str | None = Field(None, description="running_at: posterior, prior, or integral (samples)")
 
 
-class StepsDocument(Strict):
-    """A problem file of the family athans in discrete time."""
+class ReadingsDocument(Strict):
+    """What both documents of readings have in common."""
 
     family: Literal["athans"]
     name: str | None = None
+    select: Select = 1
+    budget: dict[str, Whole] | None = Field(None, description="budget: {total: 6} or {radar: 3}")
+    objective: ReadingsObjective = Field(description="objective: {cost_weight: .., output: ..}")
+    method: Method = None
+    expect: Expect = None
+
+
+class StepsDocument(ReadingsDocument):
+    """A problem file of the family athans in discrete time."""
+
     horizon: StepsHorizon = Field(description="horizon: {steps: .., epoch: ..}")
     sensing: Literal["samples"] = "samples"
     plant: StepsPlant = Field(description="plant: {F: .., Q: .., initial: {..}}")
     sensors: list[AnyStepsSensor] = Field(
         description="sensors: a list of {name: .., H: .., R: .., cost: ..} and idle", min_length=1
     )
-    select: Select = 1
-    budget: dict[str, Whole] | None = Field(None, description="budget: {total: 6} or {radar: 3}")
-    objective: ReadingsObjective = Field(description="objective: {cost_weight: .., output: ..}")
-    method: Method = None
-    expect: Expect = None
 
 
-class SamplesDocument(Strict):
+class SamplesDocument(ReadingsDocument):
     """A problem file of the family athans with readings of a continuous plant."""
 
-    family: Literal["athans"]
-    name: str | None = None
     horizon: SamplesHorizon = Field(description="horizon: {start: .., end: .., sample_times: [..]}")
     sensing: Literal["samples"] = Field(description="sensing: samples")
     plant: Plant = Field(description="plant: {A: .., noise: .., initial: {..}}")
     sensors: list[AnySamplesSensor] = Field(
         description="sensors: a list of {name: .., C: .., noise: .., cost: ..} and idle", min_length=1
     )
-    select: Select = 1
-    budget: dict[str, Whole] | None = Field(None, description="budget: {total: 6} or {radar: 3}")
-    objective: ReadingsObjective = Field(description="objective: {cost_weight: .., output: ..}")
-    method: Method = None
-    expect: Expect = None
 
 
 DOCUMENTS = (StepsDocument, SamplesDocument)
