@@ -20,6 +20,7 @@ class AthansProblem(BaseProblem):
     Attributes
     ----------
     takes_readings : whether sensors are read at instants; otherwise sensing is continuous
+    discrete : whether time itself is discrete: steps k = 0 .. N
     name : str
     plant, sensors : of the problem
     cost_weight : alpha
@@ -44,3 +45,8 @@ class AthansProblem(BaseProblem):
     readings: int
     listed: tuple[str, ...]
     edges: Kept[OptionalVectorLike, np.ndarray]
+
+    @property
+    def discrete(self) -> bool:
+        """Whether the clock counts steps."""
+        return False

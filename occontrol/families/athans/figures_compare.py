@@ -98,5 +98,5 @@ def _compared_schedules(axes: Axes, problem: AthansProblem, solutions: Mapping[s
             axes.fill_between([], [], color=colour, label=style.shorten(name))
         axes.figure.legend(loc="outside lower left", ncols=min(6, len(colours)))
     style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1])
-    if problem.takes_readings and problem.discrete:
+    if problem.discrete:
         axes.set_xlabel("step k")

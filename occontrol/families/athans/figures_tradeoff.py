@@ -77,7 +77,7 @@ def _schedules(front: Front) -> Figure:
     axes.tick_params(axis="y", length=0)
     edges = front.problem.edges
     style.tidy_time_axis(axes, float(edges[0]), float(edges[-1]))
-    if front.problem.takes_readings and front.problem.discrete:
+    if front.problem.discrete:
         axes.set_xlabel("step k")
     used = [j for j in range(len(names)) if np.any(front.schedules.weights[:, :, j] > 0)]
     if len(set(colours)) > 2 or len(names) <= 3:
