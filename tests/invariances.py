@@ -7,6 +7,9 @@ Every function returns a dict of the invariances that were tried: None where it 
     states          cost, bound and exact check of the whole solve to the last bit
     costs           the same schedule's cost to 1e-12
     order, twice, useless, irrelevant   both solves are compatible
+    cut             an interval cut in two, with one decision: the same schedule costs the same; solves are compatible
+    finer           every interval halved: the exact bounds lie below the exact costs, both ways
+    command line    the numbers of `occontrol solve` and of the library, to the last bit
     certify         cost of the same schedule to 1e-12, bound below the cost of the other
 
 Two solves are compatible when no bound, of grid or check, lies above a cost of the other, and relaxed costs differ by
@@ -15,12 +18,20 @@ less than their gaps. That much and no more is certain: rounding decides which s
 
 from __future__ import annotations
 
+import contextlib
+import io
+import json
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from occontrol import certify, solve
+from occontrol import certify, read_problem, solve
+from occontrol.api.files import document
+from occontrol.cli import run
 from occontrol.core.errors import OccontrolError
+from occontrol.core.problem import BaseProblem
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.families.athans.integration.options import Integration
@@ -30,6 +41,7 @@ from tests.decimal_recursion import Data
 
 ORIGIN, UNIT = 1.7e9, 1e9
 CHECK = 1e-9  # of J: what the exact check states at least
+TIMED = ("seconds", "versions", "history", "digest", "files", "name")  # what a second run may say otherwise
 MESHES = 5.0  # errors of integration by which costs on two meshes may differ
 
 
@@ -98,17 +110,17 @@ def slack(a: Solution) -> float:
     return a.result["allowance"] + (MESHES * error if np.isfinite(error) else 0.0) + CHECK * abs(a.result["cost"])
 
 
-def same_cost(a: Solution, b: Solution, share: float, factor: float = 1.0, exact: bool = True) -> str | None:
-    """Whether the same schedule costs the same; costs of `b` are `factor` times those of `a`."""
+def same_cost(a: Solution, b: Solution, share: float, factor: float = 1.0, recursion: bool = True) -> str | None:
+    """Whether the same schedule costs the same, by the check and by the `recursion`; costs of `b` are `factor` times."""
     x, y = a.result["cost"], b.result["cost"] / factor
     allowed = share * abs(x) + a.result["allowance"] + b.result["allowance"] / factor
     room = allowed
     if a.result["integration_steps"] != b.result["integration_steps"]:
         # rounding decided how many steps the accuracy takes: what they state counts then
         room += MESHES * (a.result["integration_error"] + b.result["integration_error"] / factor)
-    if abs(x - y) > room:
+    if recursion and abs(x - y) > room:
         return f"costs {x:.12g} and {y:.12g}, {abs(x - y) / abs(x):.2g} apart"
-    if exact and a.result["top"]["of"] == b.result["top"]["of"] == "continuous":
+    if a.result["top"]["of"] == b.result["top"]["of"] == "continuous":
         x, y = a.result["top"]["cost"], b.result["top"]["cost"] / factor
         if abs(x - y) > allowed + 2 * CHECK * abs(x):
             return f"exact costs {x:.12g} and {y:.12g}, {abs(x - y) / abs(x):.2g} apart"
@@ -133,6 +145,48 @@ def compatible(a: Solution, b: Solution, same_grid: bool = True) -> str | None:
     gaps = sum(s.result["relaxed_cost"] - s.result["relaxed_lower_bound"] for s in (a, b))
     apart = abs(a.result["relaxed_cost"] - b.result["relaxed_cost"])
     return f"relaxed costs {apart / size:.2g} apart" if apart > gaps + room else None
+
+
+def cut(data: Data, where: np.ndarray) -> Data:
+    """The same problem with further edges in the middle of the intervals `where` (K,)."""
+    middles = 0.5 * (data.edges[where] + data.edges[where + 1])
+    return replace(data, edges=np.sort(np.append(data.edges, middles)))
+
+
+def by_command_line(problem: BaseProblem) -> str | None:
+    """Whether `occontrol solve --json` prints what the library finds for the same file."""
+    out = io.StringIO()
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "problem.json"
+        file.write_text(json.dumps(document(problem)), encoding="utf-8")
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
+            code = run(["solve", str(file), "--json", "--no-figures", "--out", str(Path(folder) / "run")])
+        library = solve(read_problem(file))
+    printed, found = json.loads(out.getvalue()), json.loads(json.dumps(plain(library.as_dict())))
+    if code != library.status.exit_code:
+        return f"exit code {code}, the library says {library.status}"
+    wrong = [key for key, value in found.items() if key not in TIMED and not alike(printed.get(key), value)]
+    return f"other values of {', '.join(wrong)}" if wrong else None
+
+
+def plain(value: object) -> object:
+    """Arrays and numbers of NumPy as lists and numbers of Python."""
+    if isinstance(value, dict):
+        return {str(key): plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(each) for each in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def alike(a: object, b: object) -> bool:
+    """Equal, where what is no number or infinite is written as null."""
+    if isinstance(b, float) and not np.isfinite(b):
+        return a is None or a == b
+    if isinstance(a, dict) and isinstance(b, dict):
+        return set(a) == set(b) and all(alike(a[key], b[key]) for key in b if key not in TIMED)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(alike(x, y) for x, y in zip(a, b, strict=True))
+    return a == b
 
 
 def numbers(a: Solution) -> tuple:
@@ -198,18 +252,25 @@ def athans(rng: np.random.Generator, data: Data, origin: float, mode: str, unit:
         other = certify(there, first.schedule)
         return same_cost(certified(first), other, 1e-12, factor**2)
 
+    def cut_once() -> str | None:
+        # in one step an interval, two halves are another recursion: only the exact costs compare then
+        there = cut(data, rng.integers(len(data.edges) - 1, size=1))
+        again = certify(far_problem(there, origin, mode), first.schedule)
+        apart = same_cost(certified(first), again, 1e-9, recursion=mode != "one step")
+        return apart or compatible(first, solved(there), False)
+
+    def finer() -> str | None:
+        return compatible(first, solved(cut(data, np.arange(len(data.edges) - 1))), False)
+
     def against(other: Data) -> str | None:
         return compatible(first, b := solved(other), one_grid(first, b))
 
     tried("states", states)
-    if (
-        origin == 0.0 and np.min(np.diff(first.problem.edges)) > 1e-8 * data.edges[-1]
-    ):  # lengths of 1e-9 are not resolved by a double at 1.7
+    if origin == 0.0:
         tried("time", time)
     if origin == 0.0 and 0.1 < data.edges[-1] < 10.0:
         tried("clock", clock)
-    if np.min(np.diff(first.problem.edges)) > 1e-8 * data.edges[-1]:  # shorter ones are not read without their edges
-        tried("costs", costs)
+    tried("costs", costs)
     tried("certify", again)
     n, some = len(data.A), data.sensors
     tried("order", lambda: against(permuted(replace(data, sensors=[some[i] for i in (1, 0, 2)]), rng.permutation(n))))
@@ -217,4 +278,7 @@ def athans(rng: np.random.Generator, data: Data, origin: float, mode: str, unit:
     useless = (some[0][0], some[0][1] * 1e12, some[0][2] + 1.0 / data.edges[-1])
     tried("useless", lambda: against(replace(data, sensors=[useless, *some])))
     tried("irrelevant", lambda: against(wider(data)))
+    tried("cut", cut_once)
+    tried("finer", finer)
+    tried("command line", lambda: by_command_line(first.problem))
     return found

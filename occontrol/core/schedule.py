@@ -165,15 +165,22 @@ class Schedule:
 def snap(times: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Times moved onto the edges of a grid that they nearly meet (core/clock.py says how nearly).
 
+    An edge takes the nearest of these times only: a diffuse start may be cut into segments far shorter than the grid
+    tells apart, and none of them may vanish.
+
     Parameters
     ----------
-    times : (...,) or a single time
+    times : (K,) or a single time
     edges : (N+1,) increasing times, N >= 1
 
-    Returns the times (...,).
+    Returns the times (K,) or the single one.
     """
+    edges = np.asarray(edges, dtype=float)
     index, same = nearest_edge(times, edges)
-    return np.where(same, np.asarray(edges, dtype=float)[index], times)
+    near = np.where(same, np.abs(edges[index] - times), np.inf)
+    nearest = np.full(len(edges), np.inf)
+    np.minimum.at(nearest, index, near)
+    return np.where(same & (near <= nearest[index]), edges[index], times)
 
 
 def constant_schedule(edges: np.ndarray, names: Sequence[str], weights: Sequence[float]) -> Schedule:

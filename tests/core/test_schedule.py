@@ -120,3 +120,13 @@ def test_weights_out_of_range(weights, select, words):
 def test_rounding_of_weights_is_no_mistake():
     given = constant_schedule(np.array([0.0, 4.0]), NAMES, [1 + 5e-7, -5e-7, 0.0])
     assert given.on_grid(np.array([0.0, 4.0]), NAMES, 1)[0, 0] == 1 + 5e-7
+
+
+def test_a_segment_far_shorter_than_the_grid_tells_apart_does_not_vanish() -> None:
+    grid = np.array([0.0, 1.0, 2.0])
+    schedule = Schedule(np.array([0.0, 9.5e-11, 1.0, 2.0]), np.array([[1.0, 0], [0, 1], [1, 0]]), ("a", "b"))
+    edges = schedule.common_edges(grid)
+    assert edges.tolist() == [0.0, 9.5e-11, 1.0, 2.0]
+    assert schedule.on_grid(edges, ("a", "b")).tolist() == schedule.weights.tolist()
+    # an edge that no other time claims is still met
+    assert snap(np.array([0.0, 9.5e-11, 1.0 + 1e-10]), grid).tolist() == [0.0, 9.5e-11, 1.0]
