@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 import occontrol
 from occontrol.core.plant import LinearPlant
-from occontrol.core.schedule import Schedule
+from occontrol.core.schedule import Schedule, constant_schedule
 from occontrol.core.sensor import Sensor
 from occontrol.families.athans.discretise import discretise, half_predicts
 from occontrol.families.athans.filter.online import make_plan
@@ -205,3 +205,19 @@ def test_unix_time_stamps_lose_no_digit_of_the_lengths(model_of):
         a, b = (np.array(getattr(model, name)) for model in (here, there))
         np.testing.assert_allclose(b, a, rtol=1e-12, atol=1e-14 * np.max(np.abs(a)))
     np.testing.assert_allclose(make_predictor(second, there).noise, make_predictor(first, here).noise, rtol=1e-12)
+
+
+def test_a_known_input_moves_means_only():
+    problem = SchedulingProblem(
+        "driven",
+        LinearPlant(A=[[0, 1], [-1, "-0.4*cos(t)"]], noise=[[0, 0], [0, 0.5]], covariance=np.eye(2), B=[[0], [1]],
+                    input=["sin(t)"]),
+        [Sensor("a", [[1, 0]], [[0.1]])],
+        np.linspace(0, 2, 5),
+        output=np.eye(2),
+    )  # fmt: skip
+    schedule = constant_schedule(problem.edges, ("a",), [1.0])
+    driven, free = exact_model(problem, schedule), exact_model(problem, schedule, driven=False)
+    assert np.max(np.abs(driven.input)) > 0.01 and not np.any(free.input)
+    for name in ("transition", "noise", "observe", "reading_noise", "cross"):
+        np.testing.assert_allclose(getattr(free, name), getattr(driven, name), rtol=1e-10, atol=1e-14)

@@ -41,7 +41,7 @@ def planned_gains(problem: SchedulingProblem, schedule: Schedule) -> dict[str, n
     from occontrol.families.athans.filter.online import make_plan
     from occontrol.families.athans.filter.sampled_model import exact_model
 
-    model = exact_model(problem, schedule)
+    model = exact_model(problem, schedule, driven=False)
     m, N, n = int(np.max(model.dimension, initial=0)), model.intervals, model.states
     if 8 * N * n * (m + n) > MAX_BYTES:
         return {}

@@ -162,16 +162,19 @@ def driven_transitions(
     return F[:, :n, :n], F[:, :n, n], Q[:, :n, :n]
 
 
-def exact_model(problem: SchedulingProblem, schedule: Schedule) -> SampledModel:
+def exact_model(problem: SchedulingProblem, schedule: Schedule, driven: bool = True) -> SampledModel:
     """The continuous plant, read by averages over the intervals of a schedule; no approximation.
 
     Parameters
     ----------
     problem : SchedulingProblem
     schedule : Schedule over its horizon; weights may be fractional
+    driven : False leaves the known input out, which moves means only: enough for gains and covariances
     """
     schedule.require_horizon(problem.edges)
     plant, n, h, since = problem.plant, problem.states, lengths(schedule.edges), elapsed(schedule.edges)
+    if not driven:
+        plant = replace(plant, B=None, input=None)
     origin = float(schedule.edges[0])
     active, theta = _in_use(problem, schedule)
     N = len(h)
