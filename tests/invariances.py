@@ -111,7 +111,7 @@ def slack(a: Solution) -> float:
 
 
 def same_cost(a: Solution, b: Solution, share: float, factor: float = 1.0, recursion: bool = True) -> str | None:
-    """Whether the same schedule costs the same, by the check and by the `recursion`; those of `b` are `factor` times."""
+    """Whether the same schedule costs the same, by check and `recursion`; costs of `b` are `factor` times as large."""
     x, y = a.result["cost"], b.result["cost"] / factor
     allowed = share * abs(x) + a.result["allowance"] + b.result["allowance"] / factor
     room = allowed
