@@ -45,19 +45,22 @@ def athans_problems() -> list[str]:
 
 def row(name: str, problem, method: str, solution: Solution | str) -> list[str]:
     """One line of the table; a string instead of a solution is the reason why there is none."""
-    sizes = [name, str(problem.states), str(len(problem.sensors)), str(problem.intervals), method]
+    number = problem.readings if problem.takes_readings else problem.intervals
+    sizes = [name, str(problem.states), str(len(problem.sensors)), str(number), method]
     if isinstance(solution, str):
         return [*sizes, solution, *[""] * (len(HEAD) - len(sizes) - 1)]
-    r, c = solution.result, solution.result["continuous"]
+    r = solution.result
+    continuous = ["", "", ""]
+    if not problem.takes_readings:
+        c = r["continuous"]
+        continuous = [f"{c['cost']:.7g}", f"{c['lower_bound']:.7g}", f"{100 * c['relative_gap']:.3g}"]
     return [
         *sizes,
         str(solution.status),
         f"{r['cost']:.7g}",
         f"{r['lower_bound']:.7g}",
         f"{100 * r['relative_gap']:.3g}",
-        f"{c['cost']:.7g}",
-        f"{c['lower_bound']:.7g}",
-        f"{100 * c['relative_gap']:.3g}",
+        *continuous,
         str(r["switches"]),
         f"{solution.seconds:.1f}",
     ]
@@ -97,8 +100,9 @@ def main() -> None:
         f"Python {platform.python_version()}, " + ", ".join(f"{k} {v}" for k, v in used.items()) + ".",
         "",
         "Cost, bound and gap are of the problem on its grid; the second three are of the independent re-integration",
-        "in continuous time. The bound of a schedule is the better of its own and the relaxation's. `collocation`",
-        "stands on its own bound only, so its gap says how far its policy is proven, not how far it is off.",
+        "in continuous time; discrete time and readings have none, there N is the number of readings. The bound of a",
+        "schedule is the better of its own and the relaxation's. `collocation` stands on its own bound only, so its",
+        "gap says how far its policy is proven, not how far it is off.",
         "",
         "| " + " | ".join(HEAD) + " |",
         "|" + "---|" * len(HEAD),
