@@ -115,8 +115,9 @@ def same_cost(a: Solution, b: Solution, share: float, factor: float = 1.0, recur
     x, y = a.result["cost"], b.result["cost"] / factor
     allowed = share * abs(x) + a.result["allowance"] + b.result["allowance"] / factor
     room = allowed
-    if a.result["integration_steps"] != b.result["integration_steps"]:
-        # rounding decided how many steps the accuracy takes: what they state counts then
+    meshes = [(each.result["integration_steps"], len(each.problem.edges)) for each in (a, b)]
+    if meshes[0] != meshes[1]:
+        # other edges, or rounding decided how many steps the accuracy takes: what they state counts then
         room += MESHES * (a.result["integration_error"] + b.result["integration_error"] / factor)
     if recursion and abs(x - y) > room:
         return f"costs {x:.12g} and {y:.12g}, {abs(x - y) / abs(x):.2g} apart"

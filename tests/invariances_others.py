@@ -2,71 +2,39 @@
 
 Every function returns a dict of the invariances that were tried: None where it holds, or what is wrong in words.
 States are written in units of powers of two whose ratios reach 1e12, clocks shifted by 1.7e9, units of time changed by
-1e-9 and 1e9, costs multiplied, states and sensors put in another order, a sensor given twice.
+1e-9 and 1e9, costs multiplied, states and sensors put in another order, a sensor given twice, slots cut in two.
+vlambda, hybrid and precision count steps from 0: they have no origin of time that could be shifted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from occontrol import certify, solve
-from occontrol.core.errors import OccontrolError
 from occontrol.core.plant import DiscretePlant
 from occontrol.core.schedule import Schedule
 from occontrol.core.sensor import Sensor
 from occontrol.core.solution import Solution
 from occontrol.families.hybrid.imm import filter_measurements
 from occontrol.families.hybrid.plant import JumpPlant, Mode
+from occontrol.families.hybrid.problem import Problem as JumpProblem
 from occontrol.families.hybrid.sensor import JumpSensor
+from occontrol.families.precision.measurement import NonlinearMeasurement
 from occontrol.families.precision.moments import Moments
+from occontrol.families.precision.plant import NonlinearPlant
+from occontrol.families.precision.problem import Problem as PrecisionProblem
 from occontrol.families.precision.program import Program, solve_program
+from occontrol.families.precision.unscented import UnscentedFilter
 from occontrol.families.robust.plant import UncertainPlant
 from occontrol.families.robust.problem import Problem as RobustProblem
 from occontrol.families.vlambda.problem import Problem as SelectionProblem
 from occontrol.families.vlambda.sensor import DiscreteSensor
+from tests.invariances import ORIGIN, by_command_line
+from tests.invariances_shared import Found, bounded, near, powers, same, tried
 
-Found = dict[str, str | None]
-ORIGIN = 1.7e9
 METHODS_OF_VLAMBDA = ("optimal", "eigenspace", "trace")
-
-
-def powers(rng: np.random.Generator, n: int) -> np.ndarray:
-    """(n,) powers of two whose ratios reach 1e12."""
-    return 2.0 ** rng.integers(-20, 21, n)
-
-
-def near(what: str, a: float, b: float, share: float) -> str | None:
-    """None if two numbers agree to a share of theirs."""
-    return None if abs(a - b) <= share * max(abs(a), abs(b)) else f"{what} {a!r} and {b!r}"
-
-
-def same(a: Solution, b: Solution, share: float, factor: float = 1.0) -> str | None:
-    """Costs, and bounds where there are some, of `b` are `factor` times those of `a`, to a share."""
-    for key in ("cost", "lower_bound"):
-        x, y = a.result.get(key), b.result.get(key)
-        if isinstance(x, float) and isinstance(y, float) and (wrong := near(key, x, y / factor, share)):
-            return wrong
-    return None
-
-
-def bounded(a: Solution, b: Solution, share: float = 1e-9) -> str | None:
-    """No bound of either lies above a cost of the other, but for rounding."""
-    for x, y in ((a, b), (b, a)):
-        bound = x.result.get("lower_bound")
-        if isinstance(bound, float) and bound > y.result["cost"] * (1 + share):
-            return f"the bound {bound!r} is above the cost {y.result['cost']!r}"
-    return None
-
-
-def tried(found: Found, name: str, judge: Callable[[], str | None]) -> None:
-    """Enter what a judge says; a refusal is a fault as well."""
-    try:
-        found[name] = judge()
-    except OccontrolError as error:
-        found[name] = f"refused: {str(error).splitlines()[0]}"
 
 
 def vlambda(rng: np.random.Generator) -> Found:
@@ -122,6 +90,7 @@ def vlambda(rng: np.random.Generator) -> Found:
     tried(found, "twice", twice)
     tried(found, "useless", useless)
     tried(found, "certify", lambda: same(first, certify(first.problem, first.schedule), 1e-12))
+    tried(found, "command line", lambda: by_command_line(replace(problem(), scales=None)))
     return found
 
 
@@ -159,7 +128,14 @@ def robust(rng: np.random.Generator) -> Found:
     def moved(problem: RobustProblem, a: Solution) -> Solution:
         return certify(problem, Schedule(problem.edges, a.schedule.weights, a.schedule.names))
 
-    tried(found, "states", lambda: same(first, solve(problem(e)), 1e-12, float(np.prod(e))))
+    def states() -> str | None:
+        other = solve(problem(e))
+        reach = [each.result["observability_horizon"] for each in (first, other)]
+        if reach[0] != reach[1]:
+            return f"observable up to {reach[0]!r} and {reach[1]!r}"
+        return same(first, other, 1e-12, float(np.prod(e)))
+
+    tried(found, "states", states)
     for unit in (1e-9, 1e9):
         tried(found, f"time {unit:g}", lambda u=unit: same(first, solve(problem(unit=u)), 1e-9))
     tried(found, "clock", lambda: same(first, solve(problem(at=ORIGIN)), 1e-9))
@@ -174,8 +150,21 @@ def robust(rng: np.random.Generator) -> Found:
         plain = problem()
         return same(first, solve(replace(plain, sensors=[*plain.sensors, Sensor("again", C[0], [[1.0]])])), 1e-9)
 
+    def cut() -> str | None:
+        middle = edges[1] / 2
+        finer = replace(problem(), edges=np.insert(edges, 1, middle))
+        again = certify(finer, first.schedule)
+        return near("cost", first.result["cost"], again.result["cost"], 1e-9) or bounded(first, again, cuts=True)
+
+    def halved() -> str | None:
+        finer = replace(problem(), edges=np.linspace(edges[0], edges[-1], 2 * slots + 1))
+        return bounded(first, solve(finer), cuts=True)
+
     tried(found, "twice", twice)
     tried(found, "certify", lambda: same(first, moved(problem(), first), 1e-12))
+    tried(found, "cut", cut)
+    tried(found, "finer", halved)
+    tried(found, "command line", lambda: by_command_line(problem()))
     return found
 
 
@@ -217,6 +206,14 @@ def hybrid(rng: np.random.Generator) -> Found:
     plain, e = estimated(np.ones(n)), powers(rng, n)
     tried(found, "states", lambda: compared(estimated(e), e, 1e-9))
     tried(found, "order", lambda: compared(estimated(np.ones(n), True), np.ones(n), 1e-12))
+
+    def command_line() -> str | None:
+        modes = [Mode(f"m{i}", A[i], [[W[i]]], F[i]) for i in range(r)]
+        plant = JumpPlant(modes, S @ S.T, mean, transition_matrix=T)
+        sensors = [JumpSensor(f"s{j}", C[j], [[R[j]]]) for j in range(2)]
+        return by_command_line(JumpProblem("random", plant, sensors, steps, runs=3))
+
+    tried(found, "command line", command_line)
     return found
 
 
@@ -251,7 +248,28 @@ def precision(rng: np.random.Generator) -> Found:
     tried(found, "states and sensors", lambda: agree(solved(powers(rng, n), powers(rng, m))))
     tried(found, "costs", lambda: agree(solved(one_n, one_m, 1e7), 1e7))
     tried(found, "order", lambda: agree(solved(one_n, one_m, order=rng.permutation(m))))
+    given = Moments(P, P @ h.T, h @ P @ h.T)
+    found_here = PrecisionProblem("random", given, bound_matrix=bound, prices=prices)
+    tried(found, "command line", lambda: by_command_line(found_here))
+    tried(found, "time", lambda: timed(rng, float(10.0 ** rng.uniform(-9, 9))))
     return found
+
+
+def timed(rng: np.random.Generator, unit: float) -> str | None:
+    """Whether a plant of differential equations needs the same precisions with its clock in another unit."""
+    a, b, c = rng.uniform(0.2, 1.0, 3).tolist()
+    S = rng.normal(size=(2, 2))
+
+    def solved(unit: float) -> Solution:
+        f = [f"(x2 - {a!r}*x1**3)/{unit!r}", f"(-{b!r}*x1 + {c!r}*sin(t/{unit!r}))/{unit!r}"]
+        plant = NonlinearPlant(S @ S.T + np.eye(2), f=f, step=0.05 * unit, substeps=4, noise=0.01 * np.eye(2))
+        measured = NonlinearMeasurement(2, h=["x1", f"x2 + 0.1*cos(t/{unit!r})"])
+        return solve(PrecisionProblem("random", None, plant, measured, UnscentedFilter(), bound_factor=0.4, batch=2))
+
+    one, other = solved(1.0), solved(unit)
+    if one.status is not other.status:
+        return f"{one.status} and {other.status}"
+    return near("objective", float(one.result["objective"]), float(other.result["objective"]), 1e-7)
 
 
 OTHERS = {"vlambda": vlambda, "robust": robust, "hybrid": hybrid, "precision": precision}

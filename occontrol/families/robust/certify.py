@@ -13,6 +13,7 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.robust.assemble import sequence_solution, unobservable_solution
+from occontrol.families.robust.balanced import balanced, restored
 from occontrol.families.robust.problem import Problem
 from occontrol.families.robust.result import numbers_of
 from occontrol.families.robust.search import search
@@ -33,10 +34,11 @@ def certify(problem: Problem, schedule: Schedule, claims: Claims | None = None) 
     Raises ProblemError for a schedule that does not cover the horizon, leaves a time without a sensor or uses two.
     """
     watch = Monitor()
-    problem, sequence = on_slots(problem, schedule)
+    given, sequence = on_slots(problem, schedule)
+    problem = balanced(given)
     slots = table_of(problem)
     if slots is None:
-        return unobservable_solution(problem, "certify", sequence)
+        return restored(unobservable_solution(problem, "certify", sequence), given)
     found = search(slots, [sequence], monitor=watch)
     solution = sequence_solution(
         problem,
@@ -49,6 +51,7 @@ def certify(problem: Problem, schedule: Schedule, claims: Claims | None = None) 
         monitor=watch,
         numbers={"nodes": found.nodes, "best_known_cost": found.cost},
     )
+    solution = restored(solution, given)
     refuted = [] if claims is None else false_claims(claims, solution.cost, found.cost, parts={"level": slots.level})
     return dataclasses.replace(solution, status=Status.DISAGREES, message="; ".join(refuted)) if refuted else solution
 

@@ -26,9 +26,11 @@ class Size:
     Parameters
     ----------
     terms : {name: weight}, names from SIZES, weights >= 0 and not all zero
+    scales : d (n,) where shapes are given in states x/d: the size is that of D P D; empty for the states themselves
     """
 
     terms: tuple[tuple[str, float], ...]
+    scales: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, terms: str | Mapping[str, float]) -> Size:
@@ -51,8 +53,11 @@ class Size:
         """Sizes (...,) of shapes P (..., n, n) and `level` d (...,)."""
         total = np.zeros(P.shape[:-2])
         for name, weight in self.terms:
-            total = total + weight * _value(name, P, level)
+            total = total + weight * _value(name, P, level, self._scales(P))
         return total
+
+    def _scales(self, P: np.ndarray) -> np.ndarray:
+        return np.array(self.scales) if self.scales else np.ones(P.shape[-1])
 
     def support(self, P: np.ndarray, level: float, power: float = np.inf) -> tuple[float, np.ndarray]:
         """A convex function of P^-1 that nowhere exceeds the size: its value at P and its gradient (n, n) there.
@@ -69,7 +74,7 @@ class Size:
         value, gradient = self._smooth_part(P, level)
         for name, weight in self.terms:
             if name == "longest-axis":
-                _lengths, W, _ = _soft(P, power)
+                _lengths, W, _ = _soft(P, power, self._scales(P))
                 here = math.sqrt(level * np.sum(W * P))
                 value, gradient = value + weight * here, gradient + weight * level * W / (2 * here)
         return float(value), gradient
@@ -79,7 +84,7 @@ class Size:
         value, gradient = self._smooth_part(P, level)
         for name, weight in self.terms:
             if name == "longest-axis":
-                lengths, W, total = _soft(P, power)
+                lengths, W, total = _soft(P, power, self._scales(P))
                 norm = lengths[-1] * total ** (1 / power)
                 here = math.sqrt(level * norm)
                 slope = W * (norm / np.sum(W * P))
@@ -92,12 +97,13 @@ class Size:
         return any(name == "longest-axis" for name, _ in self.terms)
 
     def _smooth_part(self, P: np.ndarray, level: float) -> tuple[float, np.ndarray]:
-        n, value, gradient = P.shape[-1], 0.0, np.zeros(P.shape)
+        value, gradient, scales = 0.0, np.zeros(P.shape), self._scales(P)
         for name, weight in self.terms:
             if name == "trace":
-                value, gradient = value + weight * level * np.trace(P), gradient + weight * level * np.eye(n)
+                here = float(_value(name, P, level, scales))
+                value, gradient = value + weight * here, gradient + weight * level * np.diag(scales**2)
             elif name == "volume":
-                here = float(_value(name, P, level))
+                here = float(_value(name, P, level, scales))
                 value, gradient = value + weight * here, gradient + weight * here / 2 * np.linalg.inv(P)
         return value, gradient
 
@@ -107,24 +113,25 @@ class Size:
         return " + ".join(name if weight == 1 else f"{weight:g} {name}" for name, weight in self.terms)
 
 
-def _value(name: str, P: np.ndarray, level: float | np.ndarray) -> np.ndarray:
+def _value(name: str, P: np.ndarray, level: float | np.ndarray, scales: np.ndarray) -> np.ndarray:
     n = P.shape[-1]
     if name == "trace":
-        return level * np.trace(P, axis1=-2, axis2=-1)
+        return level * np.sum(np.diagonal(P, axis1=-2, axis2=-1) * scales**2, axis=-1)
     if name == "volume":
         sign, log = np.linalg.slogdet(P)
-        log_ball = n / 2 * math.log(math.pi) - math.lgamma(n / 2 + 1)
+        log_ball = n / 2 * math.log(math.pi) - math.lgamma(n / 2 + 1) + float(np.sum(np.log(scales)))
         return np.where(sign > 0, np.exp(log_ball + 0.5 * (n * np.log(level) + log)), np.inf)
-    return np.sqrt(level * np.linalg.eigvalsh(P)[..., -1])
+    return np.sqrt(level * np.linalg.eigvalsh(P * np.outer(scales, scales))[..., -1])
 
 
-def _soft(P: np.ndarray, power: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Eigenvalues, W ~ P^(power-1) of trace one, and tr (P/lambda_max)^power."""
-    lengths, vectors = np.linalg.eigh(P)
+def _soft(P: np.ndarray, power: float, scales: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Eigenvalues of D P D, D W D with W ~ (D P D)^(power-1) of trace one, and tr (D P D/lambda_max)^power."""
+    both = np.outer(scales, scales)
+    lengths, vectors = np.linalg.eigh(P * both)
     ratio = np.maximum(lengths / lengths[-1], 0.0)
     share = np.zeros(len(ratio))
     share[-1] = 1.0
     if np.isfinite(power):
         share = ratio ** (power - 1)
     W = (vectors * (share / np.sum(share))) @ vectors.T
-    return lengths, W, float(np.sum(ratio**power)) if np.isfinite(power) else 1.0
+    return lengths, W * both, float(np.sum(ratio**power)) if np.isfinite(power) else 1.0

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core import stopwatch
-from occontrol.core.errors import InfeasibleError, ProblemError
+from occontrol.core.errors import InfeasibleError, ProblemError, SolveFailed
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
@@ -15,6 +15,7 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.family import Ability, Family
+from occontrol.families.robust.balanced import balanced, restored
 from occontrol.families.robust.methods import METHODS
 from occontrol.families.robust.problem import Problem
 from occontrol.families.robust.result import SwitchingResult, sequence_of
@@ -60,15 +61,16 @@ class Robust(Family):
         mistakes = [m.under("method") for m in chosen.check(problem)]
         if mistakes:
             raise ProblemError(mistakes)
-        slots = table_of(problem)
+        inner = balanced(problem)
+        slots = table_of(inner)
         if slots is None:
             from occontrol.families.robust.assemble import unobservable_solution
 
-            solution = unobservable_solution(problem, chosen.name, chosen.stated(problem))
+            solution = unobservable_solution(inner, chosen.name, chosen.stated(problem))
         else:
             watch = (monitor or Monitor()).child(chosen.time_limit)
-            solution = chosen.run(problem, slots, watch)
-        return dataclasses.replace(solution, seconds=stopwatch.seconds() - began)
+            solution = chosen.run(inner, slots, watch)
+        return dataclasses.replace(restored(solution, problem), seconds=stopwatch.seconds() - began)
 
     def describe(self, problem: Problem) -> list[tuple[str, str]]:
         """What `check` prints: sizes, observability, an estimate of work."""
@@ -110,7 +112,11 @@ class Robust(Family):
 
     def require_feasible(self, problem: Problem) -> None:
         """Raise InfeasibleError when the plant is not uniformly robustly observable, whatever the sensors."""
-        problem.require_feasible()
+        from occontrol.families.robust.observability import uniformly_observable, unobservable
+
+        inner = balanced(problem)
+        if not uniformly_observable(inner):
+            raise InfeasibleError(unobservable(inner)[1])
 
     def truth_remark(self, estimate: Estimate, truth: Trajectory, source: object) -> str:
         """Whether the set of possible states held the truth at every time."""
@@ -175,12 +181,12 @@ class Robust(Family):
 
         Raises InfeasibleError when the plant is not uniformly robustly observable.
         """
-        from occontrol.families.robust.observability import unobservable
         from occontrol.families.robust.online import OnlineSwitching
 
+        self.require_feasible(problem)
         slots = table_of(problem)
         if slots is None:
-            raise InfeasibleError(unobservable(problem)[1])
+            raise SolveFailed("the states are in units too far apart\n  hint: give them in units of their deviations")
         return OnlineSwitching(slots, problem.plant)
 
 

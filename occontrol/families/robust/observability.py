@@ -1,6 +1,7 @@
 """Uniform robust observability of a problem: up to when, and what to say where it ends too soon.
 
-It holds on [t0, T] when X exists there and X(t0) < X0; no sensor enters (see game.py).
+It holds on [t0, T] when X exists there and X(t0) < X0; no sensor enters (see game.py). Definiteness is a matter of
+eigenvalues, so callers hand over problems in balanced states (balanced.py).
 """
 
 from __future__ import annotations
@@ -50,6 +51,18 @@ def uniformly_observable(problem: Problem) -> bool:
     return free is not None and smallest(problem.plant.weight - free[0]) > 0
 
 
+def share_of_weight(weight: np.ndarray, X: np.ndarray) -> float:
+    """The largest eigenvalue of X0^-1 X, whatever the units: uniform observability needs less than 1.
+
+    Parameters
+    ----------
+    weight, X : X0 (n, n) and X (n, n) at the start
+    """
+    from scipy.linalg import eigh
+
+    return float(eigh(X, weight, eigvals_only=True)[-1])
+
+
 def unobservable(problem: Problem, sequence: Sequence[int] | None = None) -> tuple[UnobservableResult, str]:
     """Which test of uniform robust observability fails, when, and what would mend it: numbers and a sentence.
 
@@ -66,8 +79,8 @@ def unobservable(problem: Problem, sequence: Sequence[int] | None = None) -> tup
     if lost is not None:
         why = f"X, followed back from t = {edges[-1]:g}, escapes at t = {lost:.10g}"
     else:
-        margin = float(np.linalg.eigvalsh(plant.weight - free[0])[0]) if free is not None else -np.inf
-        why = f"X({edges[0]:g}) is not below the weight: their difference has the eigenvalue {margin:.6g}"
+        share = np.inf if free is None else share_of_weight(plant.weight, free[0])
+        why = f"X({edges[0]:g}) is not below the weight: it reaches {share:.6g} times the weight"
     named = f"{reach:.12g}" if reach is not None else "unknown"
     message = (
         f"not uniformly robustly observable on [{edges[0]:.12g}, {edges[-1]:.12g}], whatever the sensors: {why}. "

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from occontrol.core.checks import check_finite
-from occontrol.core.errors import Collector, InfeasibleError, Mistake
+from occontrol.core.errors import Collector, Mistake
 from occontrol.core.kinds import Kept, PlainMapping, VectorField
 from occontrol.core.method import Method
 from occontrol.core.problem import BaseProblem
@@ -145,13 +145,6 @@ class Problem(BaseProblem):
     def measure(self) -> Size:
         """The size as an object that computes."""
         return Size.of(self.size)
-
-    def require_feasible(self) -> None:
-        """Raise InfeasibleError when the plant is not uniformly robustly observable, whatever the sensors."""
-        from occontrol.families.robust.observability import uniformly_observable, unobservable
-
-        if not uniformly_observable(self):
-            raise InfeasibleError(unobservable(self)[1])
 
     @cached_property
     def flow(self) -> Flow:

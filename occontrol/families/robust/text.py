@@ -7,8 +7,9 @@ import numpy as np
 from occontrol.core.measurement import Estimate
 from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
+from occontrol.families.robust.balanced import balanced
 from occontrol.families.robust.escape import free_weights, gain_that_fits
-from occontrol.families.robust.observability import observability
+from occontrol.families.robust.observability import observability, share_of_weight, uniformly_observable
 from occontrol.families.robust.problem import Problem
 from occontrol.families.robust.result import SequenceResult, SharesResult, UnobservableResult, numbers_of
 
@@ -67,7 +68,7 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
     ----------
     problem : Problem
     """
-    n, N, M, plant = problem.states, problem.slots, len(problem.sensors), problem.plant
+    n, N, M = problem.states, problem.slots, len(problem.sensors)
     lines = [
         ("size", f"{n} states, {M} sensors, {N} slots on [{problem.edges[0]:g}, {problem.edges[-1]:g}]"),
         ("sensors", ", ".join(f"{s.name} ({s.rows})" for s in problem.sensors)),
@@ -77,14 +78,15 @@ def describe(problem: Problem) -> list[tuple[str, str]]:
         lines.append(("measurements", "cannot change the best schedule: the size is homogeneous in the level"))
     else:
         lines.append(("measurements", "may change the best schedule on-line: the size is not homogeneous in the level"))
-    reach, followed = observability(problem)
-    free = free_weights(problem.plant_flow, problem.edges)
-    margin = -np.inf if free is None else float(np.linalg.eigvalsh(plant.weight - free[0])[0])
-    if margin > 0:
-        words = f"uniform, smallest eigenvalue of weight - X {margin:.6g}; {_reach(reach, followed)}"
+    inner = balanced(problem)
+    reach, followed = observability(inner)
+    free = free_weights(inner.plant_flow, inner.edges)
+    if uniformly_observable(inner) and free is not None:
+        share = share_of_weight(inner.plant.weight, free[0])
+        words = f"uniform, X at the start reaches {share:.4g} of the weight; {_reach(reach, followed)}"
         lines.append(("observability", words))
     else:
-        factor = gain_that_fits(problem.plant_flow, plant.weight, problem.edges)
+        factor = gain_that_fits(inner.plant_flow, inner.plant.weight, inner.edges)
         lines.append(("observability", f"NOT uniform on this horizon: it ends before t = {reach:.12g}"))
         lines.append(("K", f"would have to be multiplied by less than {factor:.6g}"))
     lines.append(("work", f"{M}^{N} = {float(M) ** N if N * np.log10(M) < 300 else np.inf:.3g} sequences; "
