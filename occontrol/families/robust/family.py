@@ -179,7 +179,8 @@ class Robust(Family):
         problem : Problem
         solution, method : not used: the object searches for itself
 
-        Raises InfeasibleError when the plant is not uniformly robustly observable.
+        Raises InfeasibleError when the plant is not uniformly robustly observable, SolveFailed where the user's units,
+        in which it runs, hide that it is.
         """
         from occontrol.families.robust.online import OnlineSwitching
 
