@@ -210,13 +210,19 @@ def _continuous(
         bound = float(np.sum(setting.rates * feasible_set(setting.problem).vertex(setting.rates)))
         bound = 0.0 if setting.problem.slews else bound
     elif setting.problem.slews:
-        bound = _slewing_bound(bound, setting)
+        bound = slewing_bound(bound, setting)
     c = Certificate(value, bound, max(1e-9, judged.continuous.error / abs(value)) if value else 0.0)
     return ContinuousNumbers(c.cost, c.lower_bound, c.relative_gap)
 
 
-def _slewing_bound(bound: float, setting: Setting) -> float:
-    """While slewing nothing is paid: a bound over schedules that always use a sensor loses what that may save."""
+def slewing_bound(bound: float, setting: Setting) -> float:
+    """While slewing nothing is paid: a bound over schedules that always use a sensor loses what that may save.
+
+    Parameters
+    ----------
+    bound : over schedules without slews, in units of the cost
+    setting : Setting
+    """
     least = np.min(
         np.where(setting.problem.upper > 0, setting.task.price[:, : len(setting.problem.sensors)], np.inf), axis=1
     )
@@ -229,7 +235,7 @@ def _plain_bound(setting: Setting, found: Outcome, proof: Proof) -> float:
     if relaxed is None:
         return proof.certificate.lower_bound
     if goal.error > 0:
-        return _slewing_bound(relaxed.lower_bound, setting) if setting.problem.slews else relaxed.lower_bound
+        return slewing_bound(relaxed.lower_bound, setting) if setting.problem.slews else relaxed.lower_bound
     # observation: cost + nu (E - limit) with the multiplier of the first node
     v, multipliers, _ = found.root.proof
     J, g = task.sweep.cost_and_gradient(v)

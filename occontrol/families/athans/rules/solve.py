@@ -17,7 +17,7 @@ from occontrol.families.athans.found import relax
 from occontrol.families.athans.integration.refine import search_space
 from occontrol.families.athans.methods import Exact, HMinimal, Relaxed, RelaxRoundPolish
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.families.athans.rules.assembly import Outcome, assemble_ruled
+from occontrol.families.athans.rules.assembly import Outcome, assemble_ruled, slewing_bound
 from occontrol.families.athans.rules.diagnosis import blamed, refusal
 from occontrol.families.athans.rules.setting import Setting, on_of, prepared, setting_of
 from occontrol.scheduling.relaxation import RelaxedOutcome
@@ -119,13 +119,23 @@ def _scheduled(work: _Work, problem: SchedulingProblem, method: RelaxRoundPolish
             raise refusal(problem, _NONE, blamed(problem, setting.task.rules))
         raise SolveFailed(_NOT_FOUND)
     plan = tree.best.plan
-    outcome = Outcome(plan, plan.weights, plan.switching, tree.lower_bound, tree.root, search.rows, tree.nodes)
+    bound = max(tree.lower_bound, _without_rules(work))
+    outcome = Outcome(plan, plan.weights, plan.switching, bound, tree.root, search.rows, tree.nodes)
     outcome.gap = options.gap
     outcome.status = Status.FEASIBLE if exact is not None else work.relaxed.status
     outcome.exact = exact is not None
     if work.monitor.interrupted:
         outcome.status = Status.INTERRUPTED
     return outcome
+
+
+def _without_rules(work: _Work) -> float:
+    """The relaxation's bound, which holds with rules too: the hull of the first node need not have reached it."""
+    goal, setting = work.setting.task.goal, work.setting
+    if goal.observation != 1.0 or goal.error != 1.0:
+        return -np.inf
+    bound = work.relaxed.lower_bound
+    return slewing_bound(bound, setting) if setting.problem.slews else bound
 
 
 def _seeds(work: _Work) -> list[Plan]:
