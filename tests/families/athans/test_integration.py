@@ -12,6 +12,7 @@ from occontrol.core.plant import LinearPlant
 from occontrol.core.schedule import Schedule
 from occontrol.core.sensor import Sensor
 from occontrol.core.signal import TableSignal
+from occontrol.core.solution import Status
 from occontrol.families.athans.certificate import judge
 from occontrol.families.athans.continuous.reintegration import reintegrate
 from occontrol.families.athans.discretise import discretise, feasible_set
@@ -21,10 +22,10 @@ from occontrol.families.athans.integration.local_error import step_errors
 from occontrol.families.athans.integration.mesh import Mesh
 from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.integration.priced import Judged
-from occontrol.families.athans.integration.refine import relax_and_refine
+from occontrol.families.athans.integration.refine import _shared, relax_and_refine
 from occontrol.families.athans.integration.relaxed import interval_loss
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.relaxation import RelaxedOptions
+from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome
 from occontrol.scheduling.sweep import Sweep
 from tests.families.athans.random_problems import random_policy, random_problem
 
@@ -218,3 +219,17 @@ def test_the_exact_model_is_the_matched_filter_where_steps_are_many() -> None:
     assert np.max(np.abs(expected_nees(solution.problem, solution.schedule, "split") - 1)) > 0.01
     plain = occontrol.solve(random_problem(0))
     assert default_model(plain.result) == "split" and "filter_covariance" not in plain.arrays
+
+
+def test_a_share_that_the_clock_does_not_resolve_gets_no_edge_of_its_own() -> None:
+    """Edges that fall together would leave fewer intervals than pieces of the policy."""
+    problem = random_problem(1, intervals=4)
+    problem = replace(problem, edges=1.7e9 + 1e-3 * np.arange(5), predict_at=None)
+    weights = np.eye(3)[[0, 0, 1, 2]]
+    weights[1], weights[2] = [0.9999, 0.0001, 0.0], [0.0, 0.7, 0.3]  # 1e-7 and 3e-4 of time; a double resolves 2.4e-7
+    outcome = RelaxedOutcome(weights, 1.0, 0.0, np.ones((4, 3)), 1, Status.CERTIFIED)
+    extra, pieces = _shared(problem, outcome, 10)
+    assert len(extra) == 1 and len(pieces) == 5
+    finer = problem.with_edges([(float(t), "") for t in extra])
+    assert len(finer.edges) == len(pieces) + 1
+    assert finer.steps @ pieces == pytest.approx(problem.steps @ weights, rel=1e-3)

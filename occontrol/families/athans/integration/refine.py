@@ -25,7 +25,7 @@ from occontrol.families.athans.integration.relaxed import interval_loss, relax
 from occontrol.families.athans.integration.resume import earlier_policy
 from occontrol.families.athans.methods import Collocation
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.scheduling.relaxation import RelaxedOptions
+from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome
 from occontrol.scheduling.sweep import Sweep
 
 GAP_THAT_ADDS_EDGES = 0.01  # of the cost: the gap at the top above which edges are added
@@ -89,7 +89,7 @@ def relax_and_refine(
         rough = replace(limits, relative_gap=max(GAP_WANTED, limits.relative_gap))
         found = relax(integrator, rough, monitor, found.outcome.weights[parent])
     if top < GAP_THAT_ADDS_EDGES and room > 0 and not monitor.stop:
-        extra, start = _shared(problem, found, room)
+        extra, start = _shared(problem, found.outcome, room)
         if len(extra):
             problem = problem.with_edges([(float(t), WHY) for t in extra])
             integrator = Integrator(problem, limits.relative_gap)
@@ -123,28 +123,36 @@ def _cuts(
     return _cut_at_steps(problem, integrator, on, [i for i in order if loss[i] > 0 or coarse[i]], room)
 
 
-def _shared(problem: SchedulingProblem, found: PricedSweep, room: int) -> tuple[np.ndarray, np.ndarray]:
+def _shared(problem: SchedulingProblem, found: RelaxedOutcome, room: int) -> tuple[np.ndarray, np.ndarray]:
     """Times that part shared intervals between their sensors, and the policy (N+K, M) that does so.
 
     A schedule can only switch at edges, and a share of 1e-3 of an interval cannot be rounded: so the interval gives it
     a piece of its own at its end.
     """
-    v = found.outcome.weights
+    v = found.weights
     whole = np.round(v)
     share = np.max(np.abs(v - whole), axis=1)
-    dear = share * np.max(np.abs(found.outcome.gradient), axis=1)
+    dear = share * np.max(np.abs(found.gradient), axis=1)
     same = np.sum(whole, axis=1) == np.round(np.sum(v, axis=1))
-    inside = (SMALLEST_SHARE < share) & (share < 1 - SMALLEST_SHARE) & same
+    at = problem.edges[1:] - share * problem.steps
+    apart = _least_apart(problem.edges)
+    resolved = (at > problem.edges[:-1] + apart) & (at < problem.edges[1:] - apart)
+    inside = (SMALLEST_SHARE < share) & (share < 1 - SMALLEST_SHARE) & same & resolved
     order = [i for i in np.argsort(-dear, kind="stable") if inside[i]][:room]
     pieces, times = [], []
     for i in range(len(v)):
         if i not in order:
             pieces.append(v[i])
             continue
-        times.append(float(problem.edges[i + 1] - share[i] * problem.steps[i]))
+        times.append(float(at[i]))
         rest = np.maximum(v[i] - (1 - share[i]) * whole[i], 0.0)
         pieces += [whole[i], rest * (np.sum(v[i]) / np.sum(rest))]
     return np.array(times), np.array(pieces)
+
+
+def _least_apart(edges: np.ndarray) -> float:
+    """What two times must be apart to be two edges: a few units in the last place of the largest."""
+    return 16 * float(np.spacing(np.max(np.abs(edges))))
 
 
 def _cut_at_steps(
@@ -163,7 +171,7 @@ def _cut_at_steps(
         times += [float(t) for t in inner[np.clip(at, 0, len(inner) - 1)]]
     extra = np.array(sorted(set(times)))
     edges = np.sort(np.concatenate([problem.edges, extra]))
-    edges = edges[np.append(True, np.diff(edges) > 16 * np.spacing(np.max(np.abs(edges))))]
+    edges = edges[np.append(True, np.diff(edges) > _least_apart(edges))]
     extra = np.setdiff1d(edges, problem.edges)
     middle = (edges[1:] + edges[:-1]) / 2
     return extra, np.searchsorted(problem.edges, middle, side="right") - 1
