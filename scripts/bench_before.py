@@ -65,13 +65,14 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("other", type=Path)
-    parser.add_argument("problems", nargs="*", default=athans_problems())
+    parser.add_argument("problems", nargs="*", help="all that both have, if left out")
     parser.add_argument("--runs", type=int, default=7)
     parser.add_argument("--write", action="store_true", help="into docs/bench.md")
     options = parser.parse_args()
     before, now = Edition(options.other.resolve()), Edition(ROOT)
     rows = []
-    for name in options.problems:
+    both = [name for name in athans_problems() if (options.other / "problems" / f"{name}.yaml").exists()]
+    for name in options.problems or both:
         pairs = [(before.solve(name), now.solve(name)) for _ in range(options.runs + 2)][2:]
         old, new = ([p[i]["seconds"] for p in pairs] for i in (0, 1))
         ratios = [b / a for a, b in zip(old, new, strict=True)]
