@@ -280,8 +280,9 @@ class SchedulingProblem(AthansProblem):
         require_places(self.upper, self.select, self.edges)
         if self.ruled:
             from occontrol.families.athans.rules.diagnosis import require_rules_feasible
+            from occontrol.families.athans.rules.setting import frame_of
 
-            require_rules_feasible(self)
+            require_rules_feasible(frame_of(self))
 
 
 def uniform_edges(start: float, end: float, intervals: int) -> np.ndarray:

@@ -15,9 +15,12 @@ def describe(problem: SchedulingProblem) -> list[tuple[str, str]]:
     ----------
     problem : SchedulingProblem
     """
+    if not problem.ruled:
+        return inspect(problem)
+    from occontrol.families.athans.rules.setting import frame_of
     from occontrol.families.athans.rules.text import describe_rules
 
-    return [*inspect(problem), *describe_rules(problem)]
+    return [*inspect(problem), *describe_rules(frame_of(problem), problem.minimise)]
 
 
 def summarise(solution: Solution) -> list[tuple[str, str]]:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from occontrol.core.errors import SolveFailed
-from occontrol.core.kinds import PlainDict
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
@@ -19,56 +16,14 @@ from occontrol.families.athans.integration.integrator import Integrator
 from occontrol.families.athans.integration.path import finer_steps, parts_of
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers, TopNumbers
 from occontrol.families.athans.rules.binding import active_rules, multipliers_of
-from occontrol.families.athans.rules.setting import Setting, user_weights
+from occontrol.families.athans.rules.columns import user_weights
+from occontrol.families.athans.rules.plain_bound import plain_bound, slewing_bound
+from occontrol.families.athans.rules.search import Outcome
+from occontrol.families.athans.rules.setting import Setting
 from occontrol.scheduling.proof import MESHES, Proof
-from occontrol.scheduling.relaxation import RelaxedOutcome
 from occontrol.scheduling.rounding import singular_intervals
 from occontrol.scheduling.rules.check import changes
-from occontrol.scheduling.rules.hull import Hull
-from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.proof import Claim, prove_under_rules
-from occontrol.scheduling.rules.rows import Rows
-
-
-@dataclass
-class Outcome:
-    """What a method found under rules.
-
-    Parameters
-    ----------
-    plan : the schedule; None for a mixture
-    weights : (N, C) of the recursion's columns
-    switching : what its changes cost
-    lower_bound : proven by the search
-    root : the first node's hull
-    rows : Rows of the search
-    nodes : of the tree
-    on : (N, M) shares of use of a mixture
-    relaxed : the relaxation without rules
-    status : how it ended
-    message : in words
-    target : relative gap of the relaxation
-    gap : relative gap at which a schedule counts as proven optimal
-    exact : whether the search was to go on to the end
-    steps_chosen : whether the steps of integration are ours and not the file's
-    """
-
-    plan: Plan | None
-    weights: np.ndarray
-    switching: float
-    lower_bound: float
-    root: Hull
-    rows: Rows
-    nodes: int
-    on: np.ndarray | None = None
-    relaxed: RelaxedOutcome | None = None
-    status: Status = Status.FEASIBLE
-    message: str = ""
-    target: float = 1e-4
-    gap: float = 1e-6
-    exact: bool = False
-    steps_chosen: bool = False
-    extra: PlainDict = field(default_factory=dict)
 
 
 def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor, started: float) -> Solution:
@@ -99,7 +54,7 @@ def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor
         unfinished = str(error)
     parts = parts_of(integrator, evaluated)
     path, r = parts.path, integrator.recursion
-    observation = float(np.vdot(setting.rates, found.plan.on if found.plan is not None else on))
+    observation = float(np.vdot(setting.task.spend, found.plan.on if found.plan is not None else on))
     error = evaluated.cost - float(np.vdot(task.price[:, :M], measuring))
     running = error - parts.prediction if r.running.shape[0] else 0.0
     proven = found.plan is not None and bool(certificate.relative_gap <= found.gap)
@@ -112,8 +67,8 @@ def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor
     rounded = feasible_set(problem).round(shares)
     singular = float(problem.steps @ singular_intervals(shares, rounded) / np.sum(problem.steps))
     count = len(changes(rules, found.plan.on)) if found.plan is not None else schedule.switches
-    satisfied = {"satisfied": True, "active": active_rules(setting, found.plan, error)} if problem.ruled else None
-    plain = _plain_bound(setting, found, proof)
+    satisfied = {"satisfied": True, "active": active_rules(task, found.plan, error)} if problem.ruled else None
+    plain = plain_bound(task, problem.upper, found.relaxed, found.root, certificate.lower_bound)
     error_of_steps = evaluated.error if judged is None else judged.discretisation_error
     if status is not Status.DISAGREES:
         message = (message or _message(top, proven, found, problem.ruled)) + proof.remark(found.target)
@@ -149,7 +104,7 @@ def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor
         proven_optimal=proven,
         nodes=found.nodes,
         constraints=satisfied,
-        multipliers=multipliers_of(setting, found.rows, found.root) if problem.ruled else None,
+        multipliers=multipliers_of(task, found.rows, found.root) if problem.ruled else None,
     )
     # filter and simulation follow what is measured; a schedule may leave intervals to a slew
     measured = Schedule(problem.edges, measuring, tuple(problem.sensors.names))
@@ -207,44 +162,12 @@ def _continuous(
     bound = judged.lower_bound
     if goal.error == 0.0:
         # nothing but the observation cost counts: no schedule spends less than the cheapest sensors
-        bound = float(np.sum(setting.rates * feasible_set(setting.problem).vertex(setting.rates)))
+        bound = float(np.sum(setting.task.spend * feasible_set(setting.problem).vertex(setting.task.spend)))
         bound = 0.0 if setting.problem.slews else bound
-    elif setting.problem.slews:
-        bound = slewing_bound(bound, setting)
+    else:
+        bound = slewing_bound(bound, setting.task, setting.problem.upper)
     c = Certificate(value, bound, max(1e-9, judged.continuous.error / abs(value)) if value else 0.0)
     return ContinuousNumbers(c.cost, c.lower_bound, c.relative_gap)
-
-
-def slewing_bound(bound: float, setting: Setting) -> float:
-    """While slewing nothing is paid: a bound over schedules that always use a sensor loses what that may save.
-
-    Parameters
-    ----------
-    bound : over schedules without slews, in units of the cost
-    setting : Setting
-    """
-    least = np.min(
-        np.where(setting.problem.upper > 0, setting.task.price[:, : len(setting.problem.sensors)], np.inf), axis=1
-    )
-    return bound - float(np.sum(np.maximum(least, 0.0)))
-
-
-def _plain_bound(setting: Setting, found: Outcome, proof: Proof) -> float:
-    """The bound without rules, in terms of what is minimised."""
-    goal, relaxed, task = setting.task.goal, found.relaxed, setting.task
-    if relaxed is None:
-        return proof.certificate.lower_bound
-    if goal.error > 0:
-        return slewing_bound(relaxed.lower_bound, setting) if setting.problem.slews else relaxed.lower_bound
-    # observation: cost + nu (E - limit) with the multiplier of the first node
-    v, multipliers, _ = found.root.proof
-    J, g = task.sweep.cost_and_gradient(v)
-    linear, nu = float(np.vdot(task.price, v)), multipliers.error
-    slope = task.price + nu * (g - task.price)
-    constant = linear - float(np.vdot(slope, v))
-    constant += nu * (J - linear - task.rules.max_error) if nu > 0 else 0.0
-    least = np.min((slope @ task.oracle.automaton.columns.T) + np.where(task.oracle.open, 0.0, np.inf), axis=1)
-    return min(max(constant + float(np.sum(least)), 0.0), proof.certificate.lower_bound)
 
 
 def _top(integrator: Integrator, found: Outcome, certificate: Certificate, error: float) -> TopNumbers:

@@ -5,25 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.families.athans.rules.diagnosis import spelt
-from occontrol.families.athans.rules.setting import Setting
 from occontrol.scheduling.rules.check import changes
 from occontrol.scheduling.rules.hull import Hull
 from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.rows import Rows
+from occontrol.scheduling.rules.task import Task
 
 USED_UP = 1e-6  # of a cap: what counts as none left
 
 
-def active_rules(setting: Setting, plan: Plan | None, error: float) -> list[str]:
+def active_rules(task: Task, plan: Plan | None, error: float) -> list[str]:
     """The budgets of which a schedule leaves nothing, in the user's words.
 
     Parameters
     ----------
-    setting : Setting
+    task : Task
     plan : the schedule, or None
     error : its E
     """
-    rules, grid = setting.task.rules, setting.task.oracle.grid
+    rules, grid = task.rules, task.oracle.grid
     if plan is None:
         return []
     found = []
@@ -36,8 +36,8 @@ def active_rules(setting: Setting, plan: Plan | None, error: float) -> list[str]
             found.append(spelt("max_uses", name))
         if used[j] > rules.max_time[j] - shortest:
             found.append(spelt("max_time", name))
-    spent = float(np.vdot(setting.rates, plan.on))
-    positive = setting.rates[setting.rates > 0]
+    spent = float(np.vdot(task.spend, plan.on))
+    positive = task.spend[task.spend > 0]
     if spent > rules.max_observation - (float(np.min(positive)) if len(positive) else 0.0):
         found.append(spelt("max_observation", None))
     if error > rules.max_error * (1 - 1e-2):
@@ -45,21 +45,21 @@ def active_rules(setting: Setting, plan: Plan | None, error: float) -> list[str]
     return found
 
 
-def multipliers_of(setting: Setting, rows: Rows, root: Hull) -> dict[str, float]:
+def multipliers_of(task: Task, rows: Rows, root: Hull) -> dict[str, float]:
     """{rule: what one more unit of it lowers the bound by}: one more use, unit of time, or unit of cost or error.
 
     Parameters
     ----------
-    setting : Setting
+    task : Task
     rows : of the search
     root : hull of the first node
     """
     multipliers = root.proof[1]
-    names = setting.task.rules.names
+    names = task.rules.names
     found: dict[str, float] = {}
     for row, mu in zip(rows.known, multipliers.rows, strict=False):
         if row.rule in ("max_uses", "max_time", "max_observation"):
             found[spelt(row.rule, None if row.sensor is None else names[row.sensor])] = float(mu / row.unit)
-    if np.isfinite(setting.task.rules.max_error):
+    if np.isfinite(task.rules.max_error):
         found["max_error"] = float(multipliers.error)
     return found

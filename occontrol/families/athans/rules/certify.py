@@ -18,10 +18,11 @@ from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.integration.refine import relax_and_refine
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult
-from occontrol.families.athans.rules.assembly import Outcome, assemble_ruled
-from occontrol.families.athans.rules.diagnosis import spend_of
-from occontrol.families.athans.rules.setting import on_of, prepared, rules_of, setting_of
-from occontrol.families.athans.rules.solve import searched
+from occontrol.families.athans.rules.assembly import assemble_ruled
+from occontrol.families.athans.rules.columns import on_of
+from occontrol.families.athans.rules.frame import Frame
+from occontrol.families.athans.rules.search import Outcome, searched
+from occontrol.families.athans.rules.setting import frame_of, prepared, setting_of
 from occontrol.files.segments import as_read
 from occontrol.scheduling.relaxation import RelaxedOptions
 from occontrol.scheduling.rules.check import RELATIVE, violations
@@ -60,7 +61,7 @@ def certify_ruled(problem: SchedulingProblem, schedule: Schedule, claims: Claims
         what = f"the error of the schedule is {error:.8g}, max_error is {task.rules.max_error:g}"
         raise ProblemError(Mistake(("schedule",), what))
     relaxed = sweep.outcome
-    search, tree = searched(setting, relaxed, TreeOptions(most=1, moves=0), monitor, [plan])
+    search, tree = searched(task, relaxed, TreeOptions(most=1, moves=0), monitor, [plan])
     found = Outcome(plan, plan.weights, plan.switching, tree.lower_bound, tree.root, search.rows, tree.nodes)
     found.relaxed, found.status, found.target = relaxed, relaxed.status, gap
     found.steps_chosen = problem.integration.substeps is None
@@ -78,21 +79,36 @@ def certify_ruled(problem: SchedulingProblem, schedule: Schedule, claims: Claims
 
 def _require_rules(problem: SchedulingProblem, weights: np.ndarray) -> None:
     """ProblemError with everything that weights (N, M) break."""
-    if np.any(np.abs(weights - np.round(weights)) > WHOLE):
-        what = "the schedule uses fractions of sensors, and rules are about whole ones"
-        raise ProblemError(Mistake(("schedule",), what))
-    whole = np.round(weights)
+    whole = require_whole(weights)
     empty = ~np.any(whole > 0, axis=1) if problem.slews else np.zeros(len(whole), dtype=bool)
     allowed = feasible_set(problem)
     filled = whole.copy()
     filled[empty] = allowed.uniform()[empty]
-    mistakes = allowed.check(filled)
-    rules = rules_of(problem)
-    on = on_of(whole, rules)
-    mistakes += [Mistake(("schedule",), v.text) for v in violations(rules, problem.edges, on)]
-    spent = float(np.vdot(spend_of(problem), on))
+    mistakes = [*allowed.check(filled), *broken(frame_of(problem), whole)]
+    if mistakes:
+        raise ProblemError(mistakes)
+
+
+def require_whole(weights: np.ndarray) -> np.ndarray:
+    """The weights (N, M) as whole numbers; ProblemError for fractions."""
+    if np.any(np.abs(weights - np.round(weights)) > WHOLE):
+        what = "the schedule uses fractions of sensors, and rules are about whole ones"
+        raise ProblemError(Mistake(("schedule",), what))
+    return np.round(weights)
+
+
+def broken(frame: Frame, weights: np.ndarray) -> list[Mistake]:
+    """Every rule that a schedule breaks, the cap on the error apart.
+
+    Parameters
+    ----------
+    frame : Frame of the problem
+    weights : (N, M) whole
+    """
+    rules, on = frame.rules, on_of(weights, frame.rules)
+    mistakes = [Mistake(("schedule",), v.text) for v in violations(rules, frame.edges, on)]
+    spent = float(np.vdot(frame.spend, on))
     if spent > rules.max_observation * (1 + RELATIVE):
         what = f"the observation cost of the schedule is {spent:.8g}, max_observation_cost is {rules.max_observation:g}"
         mistakes.append(Mistake(("schedule",), what))
-    if mistakes:
-        raise ProblemError(mistakes)
+    return mistakes

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.errors import InfeasibleError
-from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.families.athans.rules.setting import oracle_of, rules_of
+from occontrol.families.athans.rules.frame import Frame
 from occontrol.scheduling.rules.check import RELATIVE
 from occontrol.scheduling.rules.oracle import Prices
 from occontrol.scheduling.rules.rules import Rules
@@ -30,35 +29,29 @@ def spelt(rule: str, sensor: str | None) -> str:
     return f"{word} of sensor '{sensor}'" if sensor else word
 
 
-def spend_of(problem: SchedulingProblem) -> np.ndarray:
-    """(N, M) observation cost of a sensor on an interval, at midpoints."""
-    rates = np.column_stack([s.cost.sample(problem.midpoints)[:, 0, 0] for s in problem.sensors])
-    return rates * problem.steps[:, None]
-
-
-def lacking(problem: SchedulingProblem, rules: Rules) -> tuple[str, int | None] | None:
+def lacking(frame: Frame, rules: Rules) -> tuple[str, int | None] | None:
     """What makes rules impossible, as far as it is seen without a search: a sentence and an interval.
 
     Parameters
     ----------
-    problem : SchedulingProblem
+    frame : Frame of the problem
     rules : Rules
     """
-    oracle, edges = oracle_of(problem, rules), problem.edges
+    oracle, N = frame.oracle(rules), frame.intervals
     k = oracle.first_impossible()
-    if k is not None and k < problem.intervals:
-        return f"no schedule keeps the rules beyond the interval from t = {edges[k]:.6g} to {edges[k + 1]:.6g}", k
+    if k is not None and k < N:
+        return f"no schedule keeps the rules beyond {frame.interval(k)}", k
     if k is not None:
-        return f"no schedule keeps the rules to the end, t = {edges[-1]:.6g}", k
-    none, zero = Prices.none(problem.intervals, rules.sensors), np.zeros(oracle.shape)
+        return f"no schedule keeps the rules to the end, {frame.end}", k
+    none, zero = Prices.none(N, rules.sensors), np.zeros(oracle.shape)
     budgets = []
     if np.isfinite(rules.max_observation):
-        prices = Prices(spend_of(problem), none.start, none.stop)
+        prices = Prices(frame.spend, none.start, none.stop)
         budgets.append((spelt("max_observation", None), prices, rules.max_observation))
     for j, name in enumerate(rules.names):
         if np.isfinite(rules.max_time[j]):
             on = np.zeros_like(none.on)
-            on[:, j] = problem.steps
+            on[:, j] = oracle.grid.steps
             limit = float(rules.max_time[j]) + oracle.grid.slack
             budgets.append((spelt("max_time", name), Prices(on, none.start, none.stop), limit))
     for text, prices, limit in budgets:
@@ -71,27 +64,26 @@ def lacking(problem: SchedulingProblem, rules: Rules) -> tuple[str, int | None] 
     return None
 
 
-def blamed(problem: SchedulingProblem, rules: Rules) -> list[str]:
+def blamed(frame: Frame, rules: Rules) -> list[str]:
     """The rules without which, each alone, nothing more is seen to be impossible, in the user's words.
 
     Parameters
     ----------
-    problem : SchedulingProblem
+    frame : Frame of the problem
     rules : Rules that are impossible
     """
     found = []
     for rule, sensor in rules.stated():
-        if lacking(problem, rules.without(rule, sensor)) is None:
+        if lacking(frame, rules.without(rule, sensor)) is None:
             found.append(spelt(rule, None if sensor is None else rules.names[sensor]))
     return found
 
 
-def refusal(problem: SchedulingProblem, text: str, found: list[str]) -> InfeasibleError:
+def refusal(text: str, found: list[str]) -> InfeasibleError:
     """The error that says so.
 
     Parameters
     ----------
-    problem : SchedulingProblem
     text : what is impossible
     found : the rules of `blamed`
     """
@@ -101,14 +93,13 @@ def refusal(problem: SchedulingProblem, text: str, found: list[str]) -> Infeasib
     return InfeasibleError(f"{text}\n  hint: {hint}")
 
 
-def require_rules_feasible(problem: SchedulingProblem) -> None:
+def require_rules_feasible(frame: Frame) -> None:
     """Raise InfeasibleError, with the first interval and the rule, where no schedule keeps the rules.
 
     Parameters
     ----------
-    problem : SchedulingProblem
+    frame : Frame of the problem
     """
-    rules = rules_of(problem)
-    found = lacking(problem, rules)
+    found = lacking(frame, frame.rules)
     if found is not None:
-        raise refusal(problem, found[0], blamed(problem, rules))
+        raise refusal(found[0], blamed(frame, frame.rules))

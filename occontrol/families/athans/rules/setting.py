@@ -10,14 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from occontrol.core.errors import UsageError
 from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.integration.integrator import Integrator
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.families.athans.rules.columns import with_warming
+from occontrol.families.athans.rules.frame import Frame
 from occontrol.families.athans.rules.statement import resolve
 from occontrol.scheduling.recursion import Recursion
-from occontrol.scheduling.rules.builder import TooManyStates
-from occontrol.scheduling.rules.oracle import Oracle
 from occontrol.scheduling.rules.rules import Rules
 from occontrol.scheduling.rules.task import Goal, Task
 from occontrol.scheduling.sweep import Sweep
@@ -39,23 +38,23 @@ def rules_of(problem: SchedulingProblem) -> Rules:
     return replace(rules, least=problem.least)
 
 
-def oracle_of(problem: SchedulingProblem, rules: Rules | None = None) -> Oracle:
-    """The oracle of a problem's rules, or of others in their place.
+def frame_of(problem: SchedulingProblem) -> Frame:
+    """What rules ask of a problem of continuous sensing; its observation costs are those at midpoints.
 
     Parameters
     ----------
     problem : SchedulingProblem
-    rules : Rules, or None for the problem's own
-
-    Raises UsageError where the rules need more states than it can hold.
     """
-    try:
-        return Oracle(rules or rules_of(problem), problem.edges, problem.upper)
-    except TooManyStates:
-        what = "these rules on this many sensors and intervals need more states than can be searched"
-        raise UsageError(f"{what}\n  hint: fewer intervals, or fewer sensors with times of their own") from None
-    except ValueError as error:
-        raise UsageError(f"{error}, rules cannot be searched\n  hint: fewer sensors, or a smaller select") from None
+    edges = problem.edges
+    rates = np.column_stack([s.cost.sample(problem.midpoints)[:, 0, 0] for s in problem.sensors])
+    return Frame(
+        rules_of(problem),
+        edges,
+        problem.upper,
+        rates * problem.steps[:, None],
+        lambda k: f"the interval from t = {edges[k]:.6g} to {edges[k + 1]:.6g}",
+        f"t = {edges[-1]:.6g}",
+    )
 
 
 def prepared(problem: SchedulingProblem, relative_gap: float) -> SchedulingProblem:
@@ -101,14 +100,12 @@ class Setting:
     integrator : of it
     task : for the search
     recursion : the task's, with a column for every sensor and one more for each that warms up
-    rates : (N, M) observation cost of a sensor on an interval, not weighted
     """
 
     problem: SchedulingProblem
     integrator: Integrator
     task: Task
     recursion: Recursion
-    rates: np.ndarray
 
 
 def setting_of(problem: SchedulingProblem, integrator: Integrator) -> Setting:
@@ -119,8 +116,8 @@ def setting_of(problem: SchedulingProblem, integrator: Integrator) -> Setting:
     problem : from `prepared`
     integrator : of it
     """
-    rules = rules_of(problem)
-    oracle = oracle_of(problem, rules)
+    frame = frame_of(problem)
+    rules = frame.rules
     plain = integrator.plain
     recursion = integrator.recursion if plain else integrator.fixed.shared
     if plain:
@@ -132,39 +129,5 @@ def setting_of(problem: SchedulingProblem, integrator: Integrator) -> Setting:
     rates = np.column_stack([s.cost.sample(middle)[:, 0, 0] for s in problem.sensors]) * steps[:, None]
     rates = recursion.by_decision(rates)
     recursion = with_warming(recursion, np.flatnonzero(rules.warm_up > 0))
-    task = Task(rules, problem.edges, oracle, Sweep(recursion), rates, GOALS[problem.minimise])
-    return Setting(problem, integrator, task, recursion, rates)
-
-
-def with_warming(recursion: Recursion, warmers: np.ndarray) -> Recursion:
-    """The recursion with further columns for sensors that are on and measure nothing yet.
-
-    Parameters
-    ----------
-    recursion : Recursion with M sensors
-    warmers : (W,) of which sensors
-    """
-    if not len(warmers):
-        return recursion
-    return replace(
-        recursion,
-        offsets=np.concatenate([recursion.offsets, np.repeat(recursion.offsets[-1:], len(warmers))]),
-        cost=np.ascontiguousarray(np.concatenate([recursion.cost, recursion.cost[:, warmers]], axis=1)),
-        available=np.concatenate([recursion.available, recursion.available[:, warmers]], axis=1),
-    )
-
-
-def user_weights(on: np.ndarray, rules: Rules) -> np.ndarray:
-    """(N, M) weights as they stand in a schedule, for what is on (N, M); above select 1 idle fills the rest."""
-    weights = on.astype(float)
-    if rules.select > 1 and np.any(rules.idle):
-        weights[:, int(np.flatnonzero(rules.idle)[0])] = rules.select - np.sum(on, axis=1)
-    return weights
-
-
-def on_of(weights: np.ndarray, rules: Rules) -> np.ndarray:
-    """(N, M) what is on in integral weights (N, M); 'idle' counts where select is 1."""
-    on = weights > 0.5
-    if rules.select > 1:
-        on[:, rules.idle] = False
-    return on
+    task = Task(rules, problem.edges, frame.oracle(), Sweep(recursion), rates, GOALS[problem.minimise])
+    return Setting(problem, integrator, task, recursion)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.families.athans.rules.setting import oracle_of, rules_of
+from occontrol.families.athans.rules.frame import Frame
 from occontrol.scheduling.rules.grid import NEVER, Counts, Grid, counts
 from occontrol.scheduling.rules.rules import Rules
 
@@ -13,16 +12,15 @@ ROUNDED = {"min_on": "need", "max_on": "most", "min_off": "off", "warm_up": "war
 LISTED = 6  # delays
 
 
-def describe_rules(problem: SchedulingProblem) -> list[tuple[str, str]]:
+def describe_rules(frame: Frame, minimise: str) -> list[tuple[str, str]]:
     """Label and text of every rule, with the times that it has on the grid.
 
     Parameters
     ----------
-    problem : SchedulingProblem
+    frame : Frame of the problem
+    minimise : what is minimised
     """
-    if not problem.ruled:
-        return []
-    rules, grid = rules_of(problem), Grid(problem.edges)
+    rules, grid = frame.rules, Grid(frame.edges)
     on_grid = counts(rules, grid)
     found = []
     for j, name in enumerate(rules.names):
@@ -38,8 +36,8 @@ def describe_rules(problem: SchedulingProblem) -> list[tuple[str, str]]:
             parts.append(f"duty {rules.duty_time[j]:g} in every {rules.duty_window[j]:g}")
         if parts:
             found.append((f"rules of {name}", "; ".join(parts)))
-    automaton = oracle_of(problem, rules).automaton
-    goal = {"cost": "cost", "error": "error", "observation": "observation cost"}[problem.minimise]
+    automaton = frame.oracle().automaton
+    goal = {"cost": "cost", "error": "error", "observation": "observation cost"}[minimise]
     found.append(("rules", "; ".join(_general(rules, on_grid, grid))))
     found.append(("minimised", f"{goal}, over {automaton.states} states of the rules"))
     return found

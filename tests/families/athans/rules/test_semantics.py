@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import occontrol as oc
-from occontrol.families.athans.rules.setting import oracle_of, rules_of
+from occontrol.families.athans.rules.setting import frame_of, rules_of
 from occontrol.scheduling.rules.check import changes, keeps, switching_cost
 
 STEP = 0.5
@@ -53,7 +53,7 @@ def matrix(p: oc.athans.SchedulingProblem, word: str) -> np.ndarray:
 
 def check_words(p: oc.athans.SchedulingProblem, allowed: Callable[[str], object], letters: str = "rs") -> set[str]:
     """All words against a sentence, by the checker and by the dynamic program; the words that are allowed."""
-    rules, oracle = rules_of(p), oracle_of(p)
+    rules, oracle = rules_of(p), frame_of(p).oracle()
     names = {"max_uses", "max_time", "duty_time", "revisit"}  # prices keep these where the states do not
     wanted = {name.replace("duty_time", "duty") for name in names if np.any(np.isfinite(getattr(rules, name)))}
     wanted |= {"min_off"} if np.any(rules.min_off > 0) else set()
