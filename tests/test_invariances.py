@@ -11,7 +11,7 @@ import pytest
 from scripts.campaign_invariances import of_athans
 from tests.invariances_others import OTHERS
 
-PLAIN, SCALES, SHORT, LONG, UNIX = 5, 13, 6, 16, 26
+PLAIN, SCALES, SHORT, LONG, UNIX, GROWTH = 5, 13, 6, 16, 26, 477
 
 
 def wrong(found: dict[str, str | None]) -> dict[str, str | None]:
@@ -19,7 +19,7 @@ def wrong(found: dict[str, str | None]) -> dict[str, str | None]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [PLAIN, SCALES, SHORT, LONG, UNIX])
+@pytest.mark.parametrize("seed", [PLAIN, SCALES, SHORT, LONG, UNIX, GROWTH])
 def test_athans(seed: int) -> None:
     found = of_athans(seed)
     assert len(found) >= 7 and not wrong(found)

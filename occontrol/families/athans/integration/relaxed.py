@@ -17,7 +17,7 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Status
 from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.integration.folded import Extrapolated, Folded
-from occontrol.families.athans.integration.integrator import Integrator
+from occontrol.families.athans.integration.integrator import ROOT_SHARE, Integrator
 from occontrol.families.athans.integration.priced import Judged, PricedSweep
 from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, memory_for, minimise_relaxed
@@ -64,6 +64,7 @@ def relax(
             v = shown = spent.add(minimise_relaxed(sweep, allowed, None, rough, monitor, curvature)).weights
     mesh = None if integrator.options.substeps else integrator.first
     J = own = last = np.inf
+    share, tried = ROOT_SHARE, 0
     direct = False
     inner = None
     for _ in range(ROUNDS):
@@ -71,15 +72,21 @@ def relax(
             on: Folded | Extrapolated = integrator.fixed
             J, g = on.cost_and_gradient(v)
         else:
-            on, J, g = integrator.refined(v, mesh)
-            mesh = on.mesh
+            on, J, g = integrator.refined(v, mesh, share)
+            tried, mesh = len(mesh), on.mesh
         own = J - allowed.bound(J, v, g)
         _, g_one = integrator.sweep.cost_and_gradient(v)
         sweep = Sweep(replace(base, cost=base.cost + (g - g_one)))
         status = Status.CERTIFIED if own <= gap * abs(J) else Status.LIMIT
         monitor.report(spent.iterations, J, J - own)
-        if status is Status.CERTIFIED or monitor.stop or spent.iterations >= limits.max_iterations:
+        if monitor.stop or spent.iterations >= limits.max_iterations:
             break
+        if status is Status.CERTIFIED:
+            if not _inaccurate(on, v, integrator.accuracy * abs(J)) or (share < ROOT_SHARE and len(on.mesh) == tried):
+                break
+            # extrapolated costs are convex but for their error: a bound from a policy that errs more is none
+            share /= 4
+            continue
         target = INNER_SHARE_OF_GAP * gap * abs(J)
         left = max(limits.max_iterations - spent.iterations, 1)
         if direct or own > SLOW_SHARE * last:
@@ -120,6 +127,11 @@ class _Spent:
         for name, count in found.sweeps.items():
             self.sweeps[name] = self.sweeps.get(name, 0) + count
         return found
+
+
+def _inaccurate(on: Folded | Extrapolated, v: np.ndarray, allowed: float) -> bool:
+    """Whether the extrapolated cost of a policy (N, M) is off by more than allowed."""
+    return isinstance(on, Extrapolated) and on.error(v) > allowed
 
 
 def _off(integrator: Integrator, v: np.ndarray) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -64,8 +65,8 @@ def test_the_number_of_nodes_is_a_limit(problem, best, nodes: int) -> None:
 def test_more_nodes_never_lower_the_bound_nor_raise_the_cost(problem) -> None:
     found = [oc.solve(problem, oc.athans.RelaxRoundPolish(exact={"max_nodes": n})).result for n in (1, 8, 40)]
     bounds, costs = ([r[key] for r in found] for key in ("lower_bound", "cost"))
-    assert all(a <= b * (1 + ROUNDING) for a, b in zip(bounds, bounds[1:], strict=False))
-    assert all(b <= a * (1 + ROUNDING) for a, b in zip(costs, costs[1:], strict=False))
+    assert all(a <= b * (1 + ROUNDING) for a, b in pairwise(bounds))
+    assert all(b <= a * (1 + ROUNDING) for a, b in pairwise(costs))
     assert bounds[-1] > bounds[0]
 
 
