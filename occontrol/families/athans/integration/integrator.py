@@ -172,6 +172,18 @@ class Integrator:
         allowed = ROOT_SHARE * np.sqrt(self.accuracy) * abs(on.cost(weights))
         return (errors > 0.5 * allowed) & (on.mesh.counts > MOST_IN_INTERVAL // 2)
 
+    def halving_error(self, weights: np.ndarray) -> float:
+        """What the stated number of steps an interval costs a policy wrongly, by halving them once and twice.
+
+        Parameters
+        ----------
+        weights : (N, M)
+        """
+        on = self.fixed
+        J, meshes = on.cost(weights), (on.mesh.halved(), on.mesh.halved().halved())
+        finer = [Folded(self.spans, mesh).cost(weights) for mesh in meshes]
+        return max(4 / 3 * abs(finer[0] - J), 16 / 15 * abs(finer[1] - J))
+
     def evaluate(self, weights: np.ndarray) -> Evaluation:
         """What a policy costs, to the accuracy that the problem asks for if the limits on the steps permit.
 
@@ -194,9 +206,7 @@ class Integrator:
                 return Evaluation(weights, *self.sweep.cost_and_gradient(weights), np.nan, N, None)
             on = self.fixed
             J, g = on.cost_and_gradient(weights)
-            finer = [Folded(self.spans, mesh).cost(weights) for mesh in (on.mesh.halved(), on.mesh.halved().halved())]
-            error = max(4 / 3 * abs(finer[0] - J), 16 / 15 * abs(finer[1] - J))
-            return Evaluation(weights, J, g, error, len(on.mesh), on)
+            return Evaluation(weights, J, g, self.halving_error(weights), len(on.mesh), on)
         plain, slope = self.sweep.cost_and_gradient(weights)
         share, mesh = ROOT_SHARE, self.first
         for _ in range(ATTEMPTS):

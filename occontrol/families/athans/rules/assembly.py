@@ -59,7 +59,7 @@ def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor
     running = error - parts.prediction if r.running.shape[0] else 0.0
     proven = found.plan is not None and bool(certificate.relative_gap <= found.gap)
     status, message = _status(found, proven, certificate, judged, proof)
-    top = _top(integrator, found, certificate, evaluated.error)
+    top = _top(integrator, found, certificate)
     continuous = _continuous(setting, certificate, evaluated.cost, judged, unfinished)
     schedule = Schedule(problem.edges, on, tuple(problem.sensors.names))
     relaxed = found.relaxed
@@ -170,12 +170,13 @@ def _continuous(
     return ContinuousNumbers(c.cost, c.lower_bound, c.relative_gap)
 
 
-def _top(integrator: Integrator, found: Outcome, certificate: Certificate, error: float) -> TopNumbers:
+def _top(integrator: Integrator, found: Outcome, certificate: Certificate) -> TopNumbers:
     """The pair for the top: where the steps are ours, the recursion's error is taken off its bound."""
     shown = certificate
     if found.steps_chosen and np.isfinite(certificate.lower_bound):
-        policy = np.ascontiguousarray(found.root.proof[0][:, : integrator.recursion.sensors])
-        error = max(error, integrator.evaluate(policy).error)
+        M = integrator.recursion.sensors
+        policies = [np.ascontiguousarray(v[:, :M]) for v in (found.weights, found.root.proof[0])]
+        error = max(integrator.halving_error(v) for v in policies)
         shown = Certificate(certificate.cost, certificate.lower_bound - MESHES * error)
     return TopNumbers(float(shown.cost), float(shown.lower_bound), float(shown.relative_gap), "grid")
 

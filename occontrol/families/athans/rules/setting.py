@@ -66,7 +66,7 @@ def prepared(problem: SchedulingProblem, relative_gap: float) -> SchedulingProbl
     relative_gap : of the method, from which the accuracy follows
     """
     weight = {"cost": problem.cost_weight, "error": 0.0, "observation": 1.0}[problem.minimise]
-    parts = problem.integration.substeps or _parts(problem, relative_gap)
+    parts = problem.integration.substeps or _parts(problem, weight if problem.minimise == "cost" else 0.0, relative_gap)
     integration = replace(problem.integration, substeps=parts, accuracy=None)
     found = replace(problem, cost_weight=weight, integration=integration)
     for name in ("added_edges", "warnings"):  # the edges are there already
@@ -74,12 +74,14 @@ def prepared(problem: SchedulingProblem, relative_gap: float) -> SchedulingProbl
     return found
 
 
-def _parts(problem: SchedulingProblem, relative_gap: float) -> int:
+def _parts(problem: SchedulingProblem, cost_weight: float, relative_gap: float) -> int:
+    """Steps an interval that make what is integrated accurate; prices that do not count may not hide its error."""
     accuracy, v = problem.integration.target(relative_gap), feasible_set(problem).uniform()
 
     def cost(parts: int) -> float:
         integration = replace(problem.integration, substeps=parts, accuracy=None)
-        return Integrator(replace(problem, integration=integration), relative_gap).fixed.cost(v)
+        same = replace(problem, integration=integration, cost_weight=cost_weight)
+        return Integrator(same, relative_gap).fixed.cost(v)
 
     parts, here = 1, cost(1)
     while parts < MOST_PARTS and 2 * parts * problem.intervals <= MOST_STEPS:

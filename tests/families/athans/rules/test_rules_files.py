@@ -213,3 +213,25 @@ def test_the_example_of_the_page_on_rules_prints_what_it_shows(tmp_path: Path, m
     printed = capsys.readouterr().out
     assert "proven optimal; rules kept" in printed
     assert run(["certify", "runs/two_radars"]) == 0
+
+
+def test_prices_that_do_not_count_do_not_hide_the_error_of_the_steps(tmp_path: Path) -> None:
+    p = problem(
+        tmp_path, (", substeps: 1}", "}"), ("cost: 0.5}", "cost: 5.0e+3}"), ("{cost_weight: 0.1, ", "{minimise: error, "),
+        more="constraints: {max_observation_cost: 1.0e+4}\n",
+    )  # fmt: skip
+    r = oc.solve(p).result
+    assert r["cost"] == pytest.approx(r["prediction_error"], rel=1e-12)
+    assert abs(r["continuous"]["cost"] - r["cost"]) <= 1e-4 * r["cost"]
+    assert 0 < r["top"]["lower_bound"] <= r["lower_bound"] and r["top"]["relative_gap"] < 0.5
+
+
+def test_where_one_step_is_exact_the_top_pair_is_a_number(tmp_path: Path) -> None:
+    """A parameter that does not move: one step an interval is all that is needed, and its error was no number."""
+    p = problem(
+        tmp_path, (", substeps: 1}", "}"), ("A: [[0, 1], [-1, -0.4]]", "A: {diag: [0, 0]}"), ("0.0, 0.5]", "0, 0]"),
+        more="constraints: {max_switches: 2}\n",
+    )  # fmt: skip
+    r = oc.solve(p).result
+    assert r["integration_steps"] == r["intervals"]
+    assert 0 < r["top"]["lower_bound"] <= r["top"]["cost"] == pytest.approx(r["cost"], rel=1e-9)
