@@ -81,8 +81,8 @@ def _never_better(problem: SchedulingProblem) -> list[Mistake]:
     L_j <= L_i in the order of matrices, q_i <= q_j, at every sampled time.
     """
     count = len(problem.sensors)
-    if problem.select != 1 or not 2 <= count <= MOST_COMPARED:
-        return []
+    if problem.select != 1 or problem.ruled or not 2 <= count <= MOST_COMPARED:
+        return []  # under rules the better one may be used up, or far away
     told = [_information(problem, j) for j in range(count)]
     costs = [np.array([c[0, 0] for c in _samples(s.cost, problem)]) for s in problem.sensors]
     found = []
