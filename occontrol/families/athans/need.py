@@ -26,7 +26,7 @@ def need(problem: SchedulingProblem, finest: int = STEPS_PER_INTERVAL) -> int:
         accurate solve needs is seen only while it is solved
     """
     n, N, M = problem.states, problem.intervals, len(problem.sensors)
-    steps = N * (problem.integration.substeps or finest)
+    steps = problem.integration.steps(N, finest)
     rows = sum(sensor.rows for sensor in problem.sensors)
     plant_varies = not (problem.plant.A.constant and problem.plant.noise.constant)
     rows_vary = not all(sensor.C.constant and sensor.noise.constant for sensor in problem.sensors)

@@ -6,6 +6,7 @@ mesh, and what is known of two halves gives their whole.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,12 +43,14 @@ class Mesh:
     position: np.ndarray
 
     @classmethod
-    def coarsest(cls, problem: SchedulingProblem, parts: int = 1) -> Mesh:
-        """`parts` equal steps an interval."""
-        count = problem.intervals * parts
-        zeros, interval = np.zeros(count, dtype=np.int64), np.repeat(np.arange(problem.intervals), parts)
-        lengths = problem.steps[interval] / parts
-        edges = np.append(problem.elapsed[interval] + np.arange(count) % parts * lengths, problem.elapsed[-1])
+    def coarsest(cls, problem: SchedulingProblem, parts: int | Sequence[int] = 1) -> Mesh:
+        """`parts` equal steps an interval, or so many for each."""
+        counts = np.broadcast_to(np.asarray(parts, dtype=np.int64), (problem.intervals,))
+        interval = np.repeat(np.arange(problem.intervals), counts)
+        count, place = len(interval), np.arange(len(interval)) - np.repeat(np.cumsum(counts) - counts, counts)
+        lengths = problem.steps[interval] / counts[interval]
+        edges = np.append(problem.elapsed[interval] + place * lengths, problem.elapsed[-1])
+        zeros = np.zeros(count, dtype=np.int64)
         return cls(edges, lengths, interval, np.arange(count), zeros, zeros)
 
     def __len__(self) -> int:

@@ -22,13 +22,14 @@ class Integration:
     ----------
     accuracy : largest relative difference between the cost and the same schedule's cost in continuous time; a tenth of
         the method's relative gap, at least LEAST_ACCURACY, if None
-    substeps : that many equal steps on every interval instead, and no further edge
+    substeps : that many equal steps on every interval instead, and no further edge; a search under rules, which needs
+        one convex recursion, states a number for each interval
     windows : "edges" makes the ends of windows edges, "cover" uses a sensor only on intervals that its windows cover
     refine : whether intervals that one choice spoils may be cut
     """
 
     accuracy: float | None = None
-    substeps: int | None = None
+    substeps: int | tuple[int, ...] | None = None
     windows: str = "edges"
     refine: bool = True
 
@@ -39,7 +40,7 @@ class Integration:
         if accuracy is not None and not (np.isfinite(accuracy) and accuracy > 0):
             what = f"horizon.accuracy is {accuracy:g}"
             found.append(Mistake(("horizon", "accuracy"), what, "a relative difference above 0, such as 1.0e-5"))
-        if substeps is not None and not 1 <= substeps <= MOST_SUBSTEPS:
+        if isinstance(substeps, int) and not 1 <= substeps <= MOST_SUBSTEPS:
             what = f"horizon.substeps is {substeps}, it must be at least 1 and at most {MOST_SUBSTEPS}"
             found.append(Mistake(("horizon", "substeps"), what))
         if self.windows not in ("edges", "cover"):
@@ -49,6 +50,17 @@ class Integration:
             what = "horizon has both 'substeps' and 'accuracy'"
             found.append(Mistake(("horizon", "accuracy"), what, "give one of them"))
         return found
+
+    def steps(self, intervals: int, otherwise: int = 1) -> int:
+        """How many steps are stated for all intervals; so many an interval where none are.
+
+        Parameters
+        ----------
+        intervals : N
+        otherwise : steps an interval
+        """
+        parts = self.substeps or otherwise
+        return sum(parts) if isinstance(parts, tuple) else parts * intervals
 
     def target(self, relative_gap: float) -> float:
         """The relative accuracy of the cost that is aimed at.

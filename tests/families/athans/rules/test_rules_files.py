@@ -217,7 +217,8 @@ def test_the_example_of_the_page_on_rules_prints_what_it_shows(tmp_path: Path, m
 
 def test_prices_that_do_not_count_do_not_hide_the_error_of_the_steps(tmp_path: Path) -> None:
     p = problem(
-        tmp_path, (", substeps: 1}", "}"), ("cost: 0.5}", "cost: 5.0e+3}"), ("{cost_weight: 0.1, ", "{minimise: error, "),
+        tmp_path, (", substeps: 1}", "}"), ("cost: 0.5}", "cost: 5.0e+3}"),
+        ("{cost_weight: 0.1, ", "{minimise: error, "),
         more="constraints: {max_observation_cost: 1.0e+4}\n",
     )  # fmt: skip
     r = oc.solve(p).result
