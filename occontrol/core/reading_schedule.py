@@ -71,8 +71,9 @@ class Reading:
 
 
 def readings_of(
-    entries: Sequence[Reading], times: np.ndarray, names: Sequence[str], select: tuple[int, int], variable: str = "t"
-) -> np.ndarray:
+    entries: Sequence[Reading], times: np.ndarray, names: Sequence[str], select: tuple[int, int],
+    variable: str = "t", slews: bool = False,
+) -> np.ndarray:  # fmt: skip
     """The weights (N, M) of entries that anybody wrote, idle filling what is left.
 
     Parameters
@@ -82,6 +83,7 @@ def readings_of(
     names : the M sensors of the columns, perhaps idle among them
     select : (least, most) sensors at a time; where idle is among the names it fills up to `most`
     variable : "k" or "t", for words
+    slews : whether an instant may be given to a change of sensors: an entry without any sensor
 
     Raises ProblemError with every mistake: a time that is no instant, an unknown or repeated name, an instant that is
     named twice, too many sensors, too few where idle is not allowed.
@@ -123,9 +125,11 @@ def readings_of(
         taken[inside] = True
         weights[inside] = row
     total = np.sum(weights, axis=1)
+    lost = taken & (total == 0) & slews
     if idle is not None:
-        weights[:, idle] += np.maximum(select[1] - total, 0.0)
+        weights[~lost, idle] += np.maximum(select[1] - total[~lost], 0.0)
         total = np.maximum(total, select[1])
+    total[lost] = select[1]
     if not found.mistakes:
         _require_sums(weights, total, taken, times, select[1], variable, found)
     if found.mistakes:

@@ -50,7 +50,8 @@ def schedule_of(segments: Sequence[Segment], problem: BaseProblem, file: str) ->
     if takes_readings(problem):
         entries = [Reading(s.start, s.end, s.sensors, s.weights, s.place()) for s in segments]
         names, variable = tuple(problem.sensors.names), problem.clock.variable
-        weights = readings_of(entries, problem.clock.times, names, problem.select, variable)
+        slews = bool(getattr(problem, "slews", False))
+        weights = readings_of(entries, problem.clock.times, names, problem.select, variable, slews)
         return problem.make_schedule(problem.edges, weights)
     grid = grid_of(problem)
     switches = _switches(segments, grid, found)

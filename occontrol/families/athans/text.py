@@ -6,8 +6,7 @@ from occontrol.core.solution import Solution
 from occontrol.families.athans.inspection import inspect
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult, TopNumbers
-
-NO_PRICE = 1e-9  # of the cost: what is not worth a line
+from occontrol.families.athans.rules.prices import prices
 
 
 def describe(problem: SchedulingProblem) -> list[tuple[str, str]]:
@@ -49,8 +48,7 @@ def summarise(solution: Solution) -> list[tuple[str, str]]:
         proven = "proven optimal" if r.proven_optimal else "not proven optimal"
         kept = "" if r.constraints is None else f"; rules kept, used up: {', '.join(r.constraints['active']) or 'none'}"
         lines.append(("search", f"{r.nodes} node{'s' * (r.nodes != 1)}, {proven}{kept}"))
-        prices = {rule: price for rule, price in (r.multipliers or {}).items() if price > NO_PRICE * abs(r.cost)}
-        lines += [(f"one more {rule}", f"saves about {price:.4g}") for rule, price in prices.items()]
+        lines += prices(r)
     changed = f", changes {r.switching_cost:.6g}" if r.switching_cost else ""
     observed = f"observation {r.observation_cost:.6g} x {r.cost_weight:g}"
     parts = f"{observed}, running {r.running_cost:.6g}, prediction {r.prediction_error:.6g}{changed}"

@@ -64,7 +64,7 @@ class _Builder:
     def __init__(self, rules: Rules, grid: Grid, optional: frozenset[str]):
         self.rules, self.grid, self.counts = rules, grid, counts(rules, grid)
         finite = {
-            "max_uses": np.any(np.isfinite(rules.max_uses)),
+            "max_uses": rules.reads is None and np.any(np.isfinite(rules.max_uses)),  # readings are counted by a row
             "min_off": np.any(rules.min_off > 0),
             "revisit": np.any(np.isfinite(rules.revisit)),
         }

@@ -60,7 +60,7 @@ def keeps(rules: Rules, edges: np.ndarray, on: np.ndarray) -> bool:
 
 
 def _of_sensor(rules: Rules, edges: np.ndarray, on: np.ndarray, j: int) -> Iterator[Violation]:
-    t, T, name = edges, edges[-1], rules.names[j]
+    t, T, x, name = edges, edges[-1], rules.variable, rules.names[j]
     slack = TOLERANCE * (T - t[0])
     runs = uses(on[:, j])
     past = rules.before[1] if rules.before is not None and rules.before[0] == j else None
@@ -69,10 +69,10 @@ def _of_sensor(rules: Rules, edges: np.ndarray, on: np.ndarray, j: int) -> Itera
         return Violation(rule, name, float(time), f"sensor '{name}' {text}")
 
     if past is not None and not on[0, j] and past < rules.min_on[j] - slack:
-        yield broken("min_on", t[0], f"stops at t = {t[0]:g} after {past:g}, min_on is {rules.min_on[j]:g}")
+        yield broken("min_on", t[0], f"stops at {x} = {t[0]:g} after {past:g}, min_on is {rules.min_on[j]:g}")
     for a, b in runs:
         begins = t[a] - past if a == 0 and past is not None else t[a]
-        length, where = t[b] - begins, f"is on from t = {t[a]:.6g} to {t[b]:.6g}"
+        length, where = t[b] - begins, f"is on from {x} = {t[a]:.6g} to {t[b]:.6g}"
         cut = b == len(t) - 1 and not rules.enforce
         if length < rules.min_on[j] - slack and not cut:
             yield broken("min_on", t[a], f"{where}, min_on is {rules.min_on[j]:g}")
@@ -87,10 +87,15 @@ def _of_sensor(rules: Rules, edges: np.ndarray, on: np.ndarray, j: int) -> Itera
             starts = starts[1:]
         for stop, start in zip(ends, starts, strict=False):
             if start - stop < rules.min_off[j] - slack:
-                text = f"is off from t = {stop:.6g} to {start:.6g} only, min_off is {rules.min_off[j]:g}"
+                text = f"is off from {x} = {stop:.6g} to {start:.6g} only, min_off is {rules.min_off[j]:g}"
                 yield broken("min_off", stop, text)
     count = len(runs) - (past is not None and bool(on[0, j]))
-    if count > rules.max_uses[j]:
+    if rules.reads is not None:
+        read = np.cumsum(rules.reads * on[:, j])
+        if read[-1] > rules.max_uses[j]:
+            late = int(np.argmax(read > rules.max_uses[j]))
+            yield broken("max_uses", t[late], f"gives {read[-1]:g} readings, max_uses is {rules.max_uses[j]:g}")
+    elif count > rules.max_uses[j]:
         late = runs[int(rules.max_uses[j]) + len(runs) - count]
         yield broken("max_uses", t[late[0]], f"has {count} uses, max_uses is {rules.max_uses[j]:g}")
     total = float(np.diff(t) @ on[:, j])
@@ -101,7 +106,7 @@ def _of_sensor(rules: Rules, edges: np.ndarray, on: np.ndarray, j: int) -> Itera
 
 
 def _duty(rules: Rules, t: np.ndarray, runs: list[tuple[int, int]], j: int, slack: float) -> Iterator[tuple]:
-    window, most = rules.duty_window[j], rules.duty_time[j]
+    window, most, x = rules.duty_window[j], rules.duty_time[j], rules.variable
     if not np.isfinite(most) or not runs:
         return
     spans = np.array([(t[a], t[b]) for a, b in runs])
@@ -114,18 +119,21 @@ def _duty(rules: Rules, t: np.ndarray, runs: list[tuple[int, int]], j: int, slac
     used = np.sum(np.maximum(inside, 0.0), axis=1)
     if np.any(used > most + slack):
         i = int(np.argmax(used > most + slack))
-        text = f"is on for {used[i]:.6g} within t = {begins[i]:.6g} to {begins[i] + window:.6g}, duty.time is {most:g}"
+        text = (
+            f"is on for {used[i]:.6g} within {x} = {begins[i]:.6g} to {begins[i] + window:.6g}, duty.time is {most:g}"
+        )
         yield "duty_time", begins[i], text
 
 
 def _gaps(rules: Rules, t: np.ndarray, runs: list[tuple[int, int]], j: int, slack: float) -> Iterator[tuple]:
     if not np.isfinite(rules.revisit[j]):
         return
+    x = rules.variable
     ends = [t[0], *(t[b] for _, b in runs)]
     starts = [*(t[a] for a, _ in runs), t[-1]]
     for end, start in zip(ends, starts, strict=True):
         if start - end > rules.revisit[j] + slack:
-            text = f"is not used from t = {end:.6g} to {start:.6g}, revisit is {rules.revisit[j]:g}"
+            text = f"is not used from {x} = {end:.6g} to {start:.6g}, revisit is {rules.revisit[j]:g}"
             yield "revisit", end, text
 
 
@@ -169,7 +177,7 @@ def switching_cost(rules: Rules, on: np.ndarray) -> float:
 
 
 def _of_changes(rules: Rules, edges: np.ndarray, on: np.ndarray) -> Iterator[Violation]:
-    t, found = edges, changes(rules, on)
+    t, x, found = edges, rules.variable, changes(rules, on)
     if rules.max_switches is not None and len(found) > rules.max_switches:
         text = f"there are {len(found)} changes, max_switches is {rules.max_switches}"
         yield Violation("max_switches", "", float(t[found[rules.max_switches][0]]), text)
@@ -186,12 +194,12 @@ def _of_changes(rules: Rules, edges: np.ndarray, on: np.ndarray) -> Iterator[Vio
         count = int(grid.up(delay)[a]) if delay > 0 and a < grid.intervals else 0
         if b - a != count:
             between = f"between sensors '{rules.names[i]}' and '{rules.names[j]}'"
-            need = f"the switch_delay of {delay:g} lasts to t = {t[min(a + count, grid.intervals)]:.6g} here"
-            text = f"nothing is in use from t = {t[a]:.6g} to {t[b]:.6g} {between}, {need}"
+            need = f"the switch_delay of {delay:g} lasts to {x} = {t[min(a + count, grid.intervals)]:.6g} here"
+            text = f"nothing is in use from {x} = {t[a]:.6g} to {t[b]:.6g} {between}, {need}"
             yield Violation("switch_delay", rules.names[j], float(t[a]), text)
     for a, b in lost:
         if (a, b) not in slewed:
-            text = f"nothing is in use from t = {t[a]:.6g} to {t[b]:.6g}, and no change of sensor lies there"
+            text = f"nothing is in use from {x} = {t[a]:.6g} to {t[b]:.6g}, and no change of sensor lies there"
             yield Violation("switch_delay", "", float(t[a]), text)
     for a, b in lost:
         for c, stopped, started, d in found:

@@ -1,6 +1,7 @@
 """Rules that the states of the oracle do not keep, as linear rows u.w <= b that are priced.
 
     uses      sum_k start_kj <= max_uses                       time    sum_k h_k on_kj <= max_time
+    readings  sum_k reads_k on_kj <= max_uses
     cost      sum_kj spend_kj on_kj <= max_observation         duty    sum_k |[t_k, t_k+1] in window| on_kj <= time
     min_off   stops at e <= k with t_k - t_e < min_off, and on_kj, together at most 1
     revisit   - sum_{a <= k < b} on_kj <= -1,  b the first edge with t_b - t_a > revisit
@@ -84,7 +85,8 @@ class Rows:
         # a row allows what the check of a schedule allows, so that the bound holds for every schedule that passes it
         for j in range(rules.sensors):
             if np.isfinite(rules.max_uses[j]) and "max_uses" not in tracked:
-                self._add("max_uses", j, {"start": (slice(None), 1.0)}, float(rules.max_uses[j]))
+                counted = {"start": (slice(None), 1.0)} if rules.reads is None else {"on": (slice(None), rules.reads)}
+                self._add("max_uses", j, counted, float(rules.max_uses[j]))
             if np.isfinite(rules.max_time[j]):
                 limit = float(rules.max_time[j]) + slack
                 self._add("max_time", j, {"on": (slice(None), task.oracle.grid.steps)}, limit)

@@ -56,6 +56,8 @@ class Rules:
     max_observation : cap on the observation cost, int sum_j q_j v_j dt
     max_error : cap on what is left of the cost without observation and changes
     least : how many sensors at least, where idle may fill the other places
+    reads : (N,) readings of every interval, which max_uses counts; None: it counts uses
+    variable : what the times are called, "t" or "k"
     """
 
     names: tuple[str, ...]
@@ -79,6 +81,8 @@ class Rules:
     max_observation: float = np.inf
     max_error: float = np.inf
     least: int = 0
+    reads: np.ndarray | None = None
+    variable: str = "t"
 
     @classmethod
     def none(cls, names: tuple[str, ...], idle: np.ndarray, select: int = 1) -> Rules:

@@ -2,23 +2,58 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
+from occontrol.core.kinds import PlainDict
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import ALLOWANCE, Certificate, Solution, Status, make_solution
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.readings.fill import Filled, feasible_set
 from occontrol.families.athans.readings.gains import reading_gains
-from occontrol.families.athans.readings.plain import plain_cost
+from occontrol.families.athans.readings.plain import PlainCost, plain_cost
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.result import AthansResult, TopNumbers
 from occontrol.scheduling.certified import Term
 from occontrol.scheduling.path import step_path
-from occontrol.scheduling.proof import Judged, prove
+from occontrol.scheduling.proof import Judged, Proof, prove
+from occontrol.scheduling.relaxation import RelaxedOutcome
 from occontrol.scheduling.sweep import Sweep
 
 AGREE = 1e-9  # of the cost: by so much the recursion and the plain filter may differ
 WEAK = 0.01  # gap that is worth a sentence
+
+
+@dataclass
+class Verdict:
+    """What is known of a policy of readings.
+
+    Parameters
+    ----------
+    weights : (E, M) of what is measured
+    on : (E, M) of what is in use and paid for; more than is measured where sensors warm up
+    proof : of it
+    gradient : (E, M) at the policy
+    iterations : of the method
+    status, message : how it ended
+    relaxed : the relaxation without rules
+    relaxed_lower_bound : its bound
+    further : entries of AthansResult that only some policies have
+    extra : entries of one method alone
+    """
+
+    weights: np.ndarray
+    on: np.ndarray
+    proof: Proof
+    gradient: np.ndarray
+    iterations: int
+    status: Status
+    message: str
+    relaxed: RelaxedOutcome | None
+    relaxed_lower_bound: float
+    further: PlainDict = field(default_factory=dict)
+    extra: PlainDict = field(default_factory=dict)
 
 
 def assemble(
@@ -35,58 +70,110 @@ def assemble(
     monitor : Monitor
     began : stopwatch.seconds() at the start
     """
-    r, v, allowed, relaxed = filled.recursion, found.weights, feasible_set(problem), found.relaxed
-    sweep, constant = Sweep(r), filled.constant
+    v, relaxed, constant = found.weights, found.relaxed, filled.constant
+    sweep = Sweep(filled.recursion)
     policies = [_judged(sweep, v)]
     if relaxed is not None and relaxed.weights is not v:
         policies.append(_judged(sweep, relaxed.weights))
     known = max(found.bound, relaxed.lower_bound if relaxed is not None else -np.inf)
-    proof = prove(policies, allowed, known)
-    inner = proof.certificate
-    certificate = Certificate(
-        inner.cost + constant,
-        inner.lower_bound + constant,
-        max(ALLOWANCE, proof.allowance / abs(inner.cost + constant)) if inner.cost + constant else 0.0,
-    )
+    proof = raised(prove(policies, feasible_set(problem), known), constant)
+    certificate = proof.certificate
     monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
-    rows = r.on_steps(v)
-    plain = plain_cost(problem, rows)
-    status, message = found.status, found.message
+    plain = plain_cost(problem, filled.recursion.on_steps(v))
+    status = found.status
     if status is Status.CERTIFIED and not (found.proves and proof.resolved(found.target)):
         status = Status.CERTIFIED if certificate.relative_gap <= found.target else Status.FEASIBLE
-    apart = abs(plain.cost - certificate.cost)
+    status, message = checked(proof, plain, plain.cost, status, found.message)
+    if status is not Status.DISAGREES:
+        text = f"No schedule of these readings costs less than {certificate.lower_bound:.6g}."
+        usual = status in (Status.CERTIFIED, Status.FEASIBLE)
+        message = message or (text if usual else f"{status.text} {text}")
+        message += _remark(found, certificate) + proof.remark(found.target)
+    extra = dict(found.extra)
+    further = {"nodes": extra.pop("nodes", None), "proven_optimal": extra.pop("proven_optimal", None)}
+    bound = (relaxed.lower_bound + constant) if relaxed is not None else certificate.lower_bound
+    verdict = Verdict(
+        v, v, proof, policies[0].gradient, found.iterations, status, message, relaxed, bound, further, extra
+    )
+    return collect(problem, name, filled, verdict, plain, monitor, began)
+
+
+def raised(proof: Proof, constant: float) -> Proof:
+    """A proof of what schedules can change, with the constant that they cannot change.
+
+    Parameters
+    ----------
+    proof : without it
+    constant : in cost units
+    """
+    inner = proof.certificate
+    cost = inner.cost + constant
+    share = max(ALLOWANCE, proof.allowance / abs(cost)) if cost else 0.0
+    certificate = Certificate(cost, inner.lower_bound + constant, share)
+    return Proof(certificate, proof.allowance, proof.difference, proof.below)
+
+
+def checked(proof: Proof, plain: PlainCost, cost: float, status: Status, message: str) -> tuple[Status, str]:
+    """`disagrees` and its reason where the plain filter or the certificate itself contradicts; else what was given.
+
+    Parameters
+    ----------
+    proof : of the policy
+    plain : the plain filter's numbers
+    cost : what they add up to
+    status, message : how the method ended
+    """
+    certificate = proof.certificate
+    apart = abs(cost - certificate.cost)
     scale = max(abs(certificate.cost), abs(plain.observation) + abs(plain.running) + abs(plain.prediction))
     if certificate.contradicts:
-        status, message = Status.DISAGREES, certificate.text
-    elif not apart <= AGREE * scale + 10 * proof.allowance:
-        status = Status.DISAGREES
-        message = (
+        return Status.DISAGREES, certificate.text
+    if not apart <= AGREE * scale + 10 * proof.allowance:
+        return Status.DISAGREES, (
             f"the recursion puts the cost at {certificate.cost:.12g}, an independent covariance filter at "
-            f"{plain.cost:.12g}: do not trust either"
+            f"{cost:.12g}: do not trust either"
         )
-    extra = dict(found.extra)
-    nodes, proven = extra.pop("nodes", None), extra.pop("proven_optimal", None)
-    path = step_path(r, v)
-    units = filled.units.inverse
-    schedule = problem.make_schedule(problem.edges, rows)
+    return status, message
+
+
+def collect(
+    problem: ReadingsProblem, name: str, filled: Filled, verdict: Verdict, plain: PlainCost, monitor: Monitor,
+    began: float,
+) -> Solution:  # fmt: skip
+    """The Solution of a policy: its numbers and arrays.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem
+    name : of the method
+    filled : the problem as a recursion
+    verdict : what is known of the policy
+    plain : what the plain filter says of it
+    monitor : Monitor
+    began : stopwatch.seconds() at the start
+    """
+    r, v, relaxed, certificate = filled.recursion, verdict.weights, verdict.relaxed, verdict.proof.certificate
+    rows, on = r.on_steps(v), r.on_steps(verdict.on)
+    path, units = step_path(r, v), filled.units.inverse
+    schedule = problem.make_schedule(problem.edges, on)
+    final = float(np.vdot(r.terminal, path.final))
     top = TopNumbers(certificate.cost, certificate.lower_bound, certificate.relative_gap, "problem")
-    remarks = "" if status is Status.DISAGREES else _remark(found, certificate) + proof.remark(found.target)
     numbers = AthansResult(
         name=problem.name,
         top=top,
         cost=certificate.cost,
         lower_bound=certificate.lower_bound,
         relative_gap=certificate.relative_gap,
-        allowance=proof.allowance,
-        observation_cost=_prices(problem, rows),
+        allowance=verdict.proof.allowance,
+        observation_cost=float(np.sum(reading_prices(problem) * on)),
         cost_weight=problem.cost_weight,
         running_cost=plain.running,
-        prediction_error=float(np.vdot(r.terminal, path.final)),
-        predicted_mean_square_error=float(np.vdot(r.terminal, path.final)) + filled.after,
+        prediction_error=final,
+        predicted_mean_square_error=final + filled.after,
         continuous=None,
         discretisation_error=None,
-        relaxed_cost=(relaxed.cost if relaxed is not None else inner.cost) + constant,
-        relaxed_lower_bound=(relaxed.lower_bound if relaxed is not None else inner.lower_bound) + constant,
+        relaxed_cost=relaxed.cost + filled.constant if relaxed is not None else certificate.cost,
+        relaxed_lower_bound=verdict.relaxed_lower_bound,
         singular_fraction=None,
         intervals=r.intervals,
         readings=problem.readings,
@@ -96,19 +183,20 @@ def assemble(
         warnings=list(problem.warnings),
         switches=schedule.switches,
         sweeps=dict(relaxed.sweeps) if relaxed is not None else {},
-        extra=extra,
-        proven_optimal=proven,
-        nodes=nodes,
+        extra=verdict.extra,
         schedule=schedule.segments(),
+        **verdict.further,
     )
+    lengths = r.by_decision(np.ones(len(r.steps)))
     arrays = {
         "times": problem.clock.times,
         "edges": problem.edges,
-        "weights": rows,
+        "weights": on,
+        **({} if verdict.on is v else {"measuring": rows}),
         "covariance": units.covariance(path.after),
         "prior_covariance": units.covariance(np.concatenate([path.before, path.final[None]])),
         "costate": units.weight(path.costate),
-        "switching": r.on_steps(policies[0].gradient / _readings_each(r)[:, None]),
+        "switching": r.on_steps(verdict.gradient / lengths[:, None]),
         "gain": reading_gains(problem, rows, units.covariance(path.after)),
     }
     if relaxed is not None:
@@ -116,9 +204,9 @@ def assemble(
     return make_solution(
         problem=problem,
         method=name,
-        status=status,
-        message=(message or _message(status, top)) + remarks,
-        iterations=found.iterations,
+        status=verdict.status,
+        message=verdict.message,
+        iterations=verdict.iterations,
         numbers=numbers,
         monitor=monitor,
         began=began,
@@ -128,25 +216,14 @@ def assemble(
     )
 
 
+def reading_prices(problem: ReadingsProblem) -> np.ndarray:
+    """(N, M) what each reading costs, before it is weighted."""
+    return np.column_stack([s.cost.sample(problem.clock.times)[:, 0, 0] for s in problem.sensors])
+
+
 def _judged(sweep: Sweep, weights: np.ndarray) -> Judged:
     J, g = sweep.cost_and_gradient(weights)
     return Judged(weights, J, g, [Term(1.0, sweep.recursion)])
-
-
-def _readings_each(r) -> np.ndarray:
-    """(E,) readings of every decision."""
-    return r.by_decision(np.ones(len(r.steps)))
-
-
-def _prices(problem: ReadingsProblem, rows: np.ndarray) -> float:
-    """What the readings of (N, M) cost, before it is weighted."""
-    prices = np.column_stack([s.cost.sample(problem.clock.times)[:, 0, 0] for s in problem.sensors])
-    return float(np.sum(prices * rows))
-
-
-def _message(status: Status, top: TopNumbers) -> str:
-    text = f"No schedule of these readings costs less than {top.lower_bound:.6g}."
-    return text if status in (Status.CERTIFIED, Status.FEASIBLE) else f"{status.text} {text}"
 
 
 def _remark(found: Found, certificate: Certificate) -> str:

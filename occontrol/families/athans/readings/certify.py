@@ -14,6 +14,7 @@ from occontrol.families.athans.certify import parts_of
 from occontrol.families.athans.readings.fill import feasible_set
 from occontrol.families.athans.readings.filter import weights_on
 from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.families.athans.readings.ruled import certify_ruled
 from occontrol.families.athans.readings.solve import judged, rounded_cost
 from occontrol.files.segments import as_read
 
@@ -30,8 +31,10 @@ def certify(problem: ReadingsProblem, schedule: Schedule, claims: Claims | None 
     claims : what somebody says of it; refuted claims make the status `disagrees`
 
     Returns a Solution with method "certify". Raises ProblemError when the schedule has other instants, changes inside
-    an epoch, breaks a window, or reads too many or too few sensors.
+    an epoch, breaks a window or a rule, or reads too many or too few sensors.
     """
+    if problem.ruled:
+        return certify_ruled(problem, on_decisions(problem, weights_on(problem, as_read(schedule, problem))), claims)
     problem.require_feasible()
     weights = on_decisions(problem, weights_on(problem, as_read(schedule, problem)))
     if mistakes := feasible_set(problem).check(weights):

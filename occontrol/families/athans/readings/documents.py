@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from occontrol.core.kinds import PlainMapping
+from occontrol.families.athans.rules.schema import ConstraintKeys, SensorKeys
 from occontrol.families.athans.schema_parts import Initial, Plant, Select, sensor_kind
 from occontrol.files.schema.common import Expect, Matrix, Method, Strict, Whole
 
@@ -38,7 +39,7 @@ class StepsPlant(Strict):
     initial: Initial = Field(description="initial: {mean: .., covariance: ..}")
 
 
-class StepsSensor(Strict):
+class StepsSensor(SensorKeys):
     """One sensor that is read at steps."""
 
     name: str = Field(description="name: a word")
@@ -48,7 +49,7 @@ class StepsSensor(Strict):
     windows: list[list[float]] | None = Field(None, description="windows: [[first k, last k], ..]")
 
 
-class SamplesSensor(Strict):
+class SamplesSensor(SensorKeys):
     """One sensor that is read at sample times."""
 
     name: str = Field(description="name: a word")
@@ -76,6 +77,7 @@ class ReadingsObjective(Strict):
     at: str | None = Field(None, description="at: predicted (before the reading at N) or posterior")
     running: Matrix = None
     running_at: str | None = Field(None, description="running_at: posterior, prior, or integral (samples)")
+    minimise: Literal["cost", "error", "observation"] = "cost"
 
 
 class ReadingsDocument(Strict):
@@ -85,6 +87,7 @@ class ReadingsDocument(Strict):
     name: str | None = None
     select: Select = 1
     budget: dict[str, Whole] | None = Field(None, description="budget: {total: 6} or {radar: 3}")
+    constraints: ConstraintKeys | None = None
     objective: ReadingsObjective = Field(description="objective: {cost_weight: .., output: ..}")
     method: Method = None
     expect: Expect = None

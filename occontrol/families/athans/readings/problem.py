@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from occontrol.core.checks import check_shape
-from occontrol.core.errors import Collector, InfeasibleError, Mistake, plural
+from occontrol.core.errors import Collector, Mistake, plural
 from occontrol.core.kinds import Kept, OptionalSignalField, PlainMapping, SignalField, unless_given
 from occontrol.core.method import Method
 from occontrol.core.plant import DiscretePlant, LinearPlant
@@ -24,10 +24,12 @@ from occontrol.core.signal import Signal, TableSignal, as_signal
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.readings.checks import missed_readings, selection, values
 from occontrol.families.athans.readings.clock import SampleTimes, Steps
+from occontrol.families.athans.readings.feasible import require_budget, require_places
+from occontrol.families.athans.readings.statement import wrong_rules
+from occontrol.families.athans.rules.statement import Constraints
 
 AT = ("predicted", "posterior")
 RUNNING_AT = ("posterior", "prior", "integral")
-MOST_GAPS = 10  # of a window plan that are named
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,8 @@ class ReadingsProblem(AthansProblem):
     budget : {"total": b} or {name: b}: exact numbers of readings; makes `select` an upper limit
     method : an options object of the family's METHODS, or None for the default
     expect : {source, cost, tolerance}, the known answer, if any
+    rules : Constraints on whole schedules, counted in steps; of samples those without times
+    minimise : "cost", "error" (running and output), or "observation"
 
     Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
     """
@@ -68,6 +72,8 @@ class ReadingsProblem(AthansProblem):
     budget: Mapping[str, int] | None = None
     method: Method | None = None
     expect: PlainMapping | None = None
+    rules: Constraints | None = None
+    minimise: str = "cost"
     family: str = field(default="athans", init=False)
     takes_readings: ClassVar[bool] = True
     warnings: tuple[str, ...] = field(default=(), init=False, repr=False)
@@ -95,6 +101,7 @@ class ReadingsProblem(AthansProblem):
         least, most = self.select
         if least < most and not any(s.is_idle for s in self.sensors):
             set_(self, "sensors", SensorSuite((*self.sensors, idle_sensor(self.plant.states))))
+        found.mistakes += wrong_rules(self.rules, self.minimise, self.sensors, self.places, self.discrete, self.budget)
         if not (np.isfinite(self.cost_weight) and self.cost_weight >= 0):
             what = f"cost_weight is {self.cost_weight:g}, it must be finite and not negative"
             found.add(("objective", "cost_weight"), what, "cost_weight >= 0")
@@ -236,8 +243,22 @@ class ReadingsProblem(AthansProblem):
                 open_[:, j] = most - least
             elif sensor.windows is not None:
                 open_[:, j] = [sensor.readable(t) for t in self.clock.times]
-        first = np.flatnonzero(np.diff(self.clock.owner, prepend=-1))
-        return np.minimum.reduceat(open_, first, axis=0)
+        return np.minimum.reduceat(open_, self.first_readings, axis=0)
+
+    @cached_property
+    def first_readings(self) -> np.ndarray:
+        """(E,) the first reading of every decision."""
+        return np.flatnonzero(np.diff(self.clock.owner, prepend=-1))
+
+    @property
+    def ruled(self) -> bool:
+        """Whether rules or budgets concern a whole schedule."""
+        return self.rules is not None or self.minimise != "cost"
+
+    @property
+    def slews(self) -> bool:
+        """Whether there may be steps at which nothing is read because one sensor is on the way to another."""
+        return self.rules is not None and self.rules.slews
 
     def make_schedule(self, edges: np.ndarray, weights: np.ndarray) -> ReadingSchedule:
         """A schedule of this problem's sensors from edges (N+1,) and weights (N, M) of every reading."""
@@ -255,33 +276,11 @@ class ReadingsProblem(AthansProblem):
         return self.select[1]
 
     def require_feasible(self) -> None:
-        """Raise InfeasibleError, with the times, where fewer than the least number of sensors can be read."""
-        first = np.flatnonzero(np.diff(self.clock.owner, prepend=-1))
-        lacking = np.flatnonzero(np.sum(self.upper, axis=1) < self.places - 1e-9)
-        if len(lacking):
-            t, least = self.clock.variable, self.select[0]
-            shown = ", ".join(f"{self.clock.times[first[k]]:.6g}" for k in lacking[:MOST_GAPS])
-            more = f", and {len(lacking) - MOST_GAPS} more" if len(lacking) > MOST_GAPS else ""
-            raise InfeasibleError(
-                f"at {t} = {shown}{more} fewer than {plural(least, 'sensor')} can be read\n"
-                "  hint: widen a window, let fewer be chosen (select: 0..1), or add 'idle' to the sensors"
-            )
-        self._require_budget()
+        """Raise InfeasibleError, with the times, where no schedule has enough sensors, or keeps budget or rules."""
+        require_places(self)
+        require_budget(self)
+        if self.ruled:
+            from occontrol.families.athans.readings.rules import frame_of
+            from occontrol.families.athans.rules.diagnosis import require_rules_feasible
 
-    def _require_budget(self) -> None:
-        """InfeasibleError where the windows leave too few readings for the budget."""
-        for key, wanted in (self.budget or {}).items():
-            columns = [j for j, s in enumerate(self.sensors) if not s.is_idle and key in ("total", s.name)]
-            room = int(np.sum(np.minimum(np.sum(self.upper[:, columns], axis=1), self.places)))
-            if room < wanted:
-                who = "all sensors together" if key == "total" else f"sensor '{key}'"
-                raise InfeasibleError(
-                    f"the budget asks for {plural(int(wanted), 'reading')} of {who}, there is room for {room}\n"
-                    "  hint: widen a window, take more sample times, or a smaller budget"
-                )
-        total = sum(self.budget.values()) if self.budget and "total" not in self.budget else 0
-        if total > self.readings * self.places:
-            raise InfeasibleError(
-                f"the budgets ask for {plural(total, 'reading')}, {self.places} at a time leave room for "
-                f"{self.readings * self.places}\n  hint: a larger select, or smaller budgets"
-            )
+            require_rules_feasible(frame_of(self))

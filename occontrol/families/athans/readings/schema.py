@@ -22,6 +22,7 @@ from occontrol.families.athans.readings.documents import (
     StepsSensor,
 )
 from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.families.athans.rules.schema import constraints
 from occontrol.families.athans.schema_parts import or_none, plant_document, plant_of, select_of
 from occontrol.files.schema.common import (
     Context,
@@ -74,6 +75,8 @@ def build(document: StepsDocument | SamplesDocument, context: Context) -> Readin
         budget=document.budget,
         method=method,
         expect=expect,
+        rules=constraints(document.constraints, document.sensors),
+        minimise=objective.minimise,
     )
     found.raise_if_any()
     if not problem.discrete:
@@ -208,6 +211,7 @@ def document(problem: ReadingsProblem) -> PlainDict:
         "at": problem.at if problem.discrete else None,
         "running": or_none(problem.running),
         "running_at": None if problem.running is None else problem.running_at,
+        "minimise": None if problem.minimise == "cost" else problem.minimise,
     }
     result = {
         "family": "athans",
@@ -215,9 +219,10 @@ def document(problem: ReadingsProblem) -> PlainDict:
         "horizon": prune(horizon),
         "sensing": "samples",
         "plant": prune(system),
-        "sensors": [_sensor_document(s, problem.discrete) for s in problem.sensors if s.name in problem.listed],
+        "sensors": [_sensor_document(s, problem) for s in problem.sensors if s.name in problem.listed],
         "select": least_most[1] if problem.budget is not None or not problem.ranged else least_most,
         "budget": None if problem.budget is None else {key: int(b) for key, b in problem.budget.items()},
+        "constraints": None if problem.rules is None else problem.rules.document(),
         "objective": prune(objective),
         "method": options_document(problem.method),
         "expect": None if problem.expect is None else plain(problem.expect),
@@ -225,10 +230,12 @@ def document(problem: ReadingsProblem) -> PlainDict:
     return prune(result)
 
 
-def _sensor_document(sensor: Sensor, discrete: bool) -> PlainDict | str:
+def _sensor_document(sensor: Sensor, problem: ReadingsProblem) -> PlainDict | str:
     if sensor.name == IDLE and sensor.is_idle:
         return IDLE
     windows = None if sensor.windows is None else [list(window) for window in sensor.windows]
-    C, R = ("H", "R") if discrete else ("C", "noise")
+    C, R = ("H", "R") if problem.discrete else ("C", "noise")
     values = {"name": sensor.name, C: sensor.C.document(), R: sensor.noise.document()}
-    return prune({**values, "cost": sensor.cost.document(), "windows": windows})
+    own = None if problem.rules is None else problem.rules.sensors.get(sensor.name)
+    stated = {} if own is None else own.document()
+    return prune({**values, "cost": sensor.cost.document(), "windows": windows, **stated})

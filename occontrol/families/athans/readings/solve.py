@@ -16,6 +16,7 @@ from occontrol.families.athans.readings.bounds import tighten
 from occontrol.families.athans.readings.budgets import with_budget
 from occontrol.families.athans.readings.fill import feasible_set, fill
 from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.families.athans.readings.ruled import solve_ruled
 from occontrol.scheduling.budget import BudgetSet
 from occontrol.scheduling.rounding import roundings
 from occontrol.scheduling.sweep import Sweep
@@ -30,10 +31,12 @@ def solve(problem: ReadingsProblem, method: Method, monitor: Monitor) -> Solutio
     method : an options object of the family, but Collocation
     monitor : Monitor
 
-    Raises UsageError for collocation, InfeasibleError when some instant cannot be filled.
+    Raises UsageError for collocation, InfeasibleError when an instant cannot be filled or no schedule keeps the rules.
     """
     if isinstance(method, Collocation):
         raise UsageError("collocation does not do readings at instants\n  hint: method: schedule, or relaxed")
+    if problem.ruled:
+        return solve_ruled(problem, method, monitor)
     problem.require_feasible()
     began = stopwatch.seconds()
     filled = fill(problem)

@@ -9,6 +9,7 @@ from occontrol.core.sensor import IDLE
 from occontrol.core.solution import Solution
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.result import AthansResult
+from occontrol.families.athans.rules.prices import prices
 
 MOST_SENSORS = 12  # of which one reading is described
 RANK = 1e-9
@@ -51,6 +52,11 @@ def describe(problem: ReadingsProblem) -> list[tuple[str, str]]:
         found.append(("availability", "inside windows: " + ", ".join(open_)))
     if problem.budget is not None:
         found.append(("budget", ", ".join(f"{key} {value}" for key, value in problem.budget.items())))
+    if problem.ruled:
+        from occontrol.families.athans.readings.rules import frame_of
+        from occontrol.families.athans.rules.text import describe_rules
+
+        found += describe_rules(frame_of(problem), problem.minimise)
     flops = N * (4 * n**3 + 6 * n * n * max(1, problem.output.shape[0]) + 4 * rows * n)
     found.append(("work", f"about {flops / 1e6:.3g} Mflop a sweep, tens of sweeps"))
     return found
@@ -75,8 +81,14 @@ def summarise(problem: ReadingsProblem, solution: Solution) -> list[tuple[str, s
     ]
     if r.relaxed_lower_bound < r.lower_bound:
         lines.append(("relaxed bound", f"{r.relaxed_lower_bound:.8g}, which may split readings"))
+    if r.constraints is not None:
+        proven = "proven optimal" if r.proven_optimal else "not proven optimal"
+        kept = f"rules kept, used up: {', '.join(r.constraints['active']) or 'none'}"
+        lines.append(("search", f"{plural(r.nodes or 0, 'node')}, {proven}; {kept}"))
+        lines += prices(r)
     observed = f"observation {r.observation_cost:.6g} x {r.cost_weight:g}"
-    lines.append(("parts", f"{observed}, running {r.running_cost:.6g}, prediction {r.prediction_error:.6g}"))
+    changed = f", changes {r.switching_cost:.6g}" if r.switching_cost else ""
+    lines.append(("parts", f"{observed}, running {r.running_cost:.6g}, prediction {r.prediction_error:.6g}{changed}"))
     if solution.schedule is not None:
         used = np.sum(solution.schedule.weights, axis=0)
         counts = [

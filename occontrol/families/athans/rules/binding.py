@@ -31,6 +31,7 @@ def active_rules(task: Task, plan: Plan | None, error: float) -> list[str]:
         found.append(spelt("max_switches", None))
     shortest = float(np.min(grid.steps))
     starts, used = np.sum(plan.starts, axis=0), grid.steps @ plan.on
+    starts = starts if rules.reads is None else rules.reads @ plan.on
     for j, name in enumerate(rules.names):
         if starts[j] >= rules.max_uses[j]:
             found.append(spelt("max_uses", name))
