@@ -10,7 +10,7 @@ from occontrol.scheduling.objective import Objective
 
 
 def at_least_zero(bound: float, cost: float) -> float:
-    """A lower bound raised to 0, which no cost lies below where q, R and W are not negative.
+    """A lower bound raised to 0, which no cost lies below where q, R and W are not negative and no logarithm is taken.
 
     A cost below 0 shows that one of them is, slightly; then nothing is raised.
 
@@ -23,7 +23,11 @@ def at_least_zero(bound: float, cost: float) -> float:
 
 
 def policy_certificate(
-    objective: Objective, feasible_set: FeasibleSet, weights: np.ndarray, known_bound: float = -np.inf
+    objective: Objective,
+    feasible_set: FeasibleSet,
+    weights: np.ndarray,
+    known_bound: float = -np.inf,
+    floor: float = -np.inf,
 ) -> Certificate:
     """Cost of a policy and the better of its own lower bound J - sum_k [v_k.g_k - min_w w.g_k] and one known already.
 
@@ -33,9 +37,11 @@ def policy_certificate(
     feasible_set : FeasibleSet that the bound holds for
     weights : (N, M) policy of the set
     known_bound : a proven lower bound of the same objective, if any
+    floor : what no cost can lie below, `Sweep.floor`; 0 for traces, which a cost below 0 refutes, -inf for logarithms
 
     Returns a Certificate, which may say that it contradicts itself.
     """
     J, g = objective.cost_and_gradient(weights)
     own = feasible_set.bound(J, weights, g)
-    return Certificate(J, at_least_zero(max(own, known_bound), J))
+    own = max(own, known_bound)
+    return Certificate(J, own if np.isneginf(floor) else at_least_zero(own, J))

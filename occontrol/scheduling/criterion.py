@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -12,7 +12,13 @@ class Criterion(Protocol):
     """A function of a covariance S (n, n) that grows with S and is convex in its inverse.
 
     That much makes J convex in the policy, so that every gradient gives a lower bound.
+
+    Attributes
+    ----------
+    signed : whether it may be negative, as logarithms are; then no bound may be raised to 0
     """
+
+    signed: ClassVar[bool]
 
     def value(self, covariance: np.ndarray) -> float:
         """The criterion at S, `covariance` (n, n)."""
@@ -26,7 +32,7 @@ class Criterion(Protocol):
         ...
 
     def smoothing_error(self, covariance: np.ndarray) -> float:
-        """By how much `value` may exceed the criterion that it smooths, at S (n, n); 0 where nothing is smoothed.
+        """What comes off J at S before its tangent bounds the criterion that `value` smooths; 0 without smoothing.
 
         S is `covariance`, (n, n).
         """
@@ -43,6 +49,7 @@ class TraceCriterion:
     """
 
     weight: np.ndarray
+    signed: ClassVar[bool] = False
 
     def value(self, covariance: np.ndarray) -> float:
         """tr(W S) for S, `covariance` (n, n)."""

@@ -182,6 +182,21 @@ class Sweep:
         return self.recursion.states
 
     @property
+    def floor(self) -> float:
+        """What no policy can cost less than: 0, or -inf where the criterion may be negative."""
+        return -np.inf if self._criterion is not None and self._criterion.signed else 0.0
+
+    @property
+    def criterion_value(self) -> float:
+        """The criterion's value at the last covariance of the last cost; 0 without a criterion."""
+        return 0.0 if self._criterion is None else self._criterion.value(self._final)
+
+    @property
+    def smoothing_error(self) -> float:
+        """What the last cost has to lose before its tangent bounds the true criterion."""
+        return 0.0 if self._criterion is None else self._criterion.smoothing_error(self._final)
+
+    @property
     def foresees_exchanges(self) -> bool:
         """Whether scheduling/exchange.py applies: W is given, a decision is one step, all covariances fit in memory."""
         return self._criterion is None and self.recursion.owner is None and self._segment >= len(self.recursion.steps)

@@ -30,7 +30,7 @@ class Liar:
 def test_the_bound_of_a_cost_that_is_not_convex_is_refused():
     allowed = IntervalPolytopes(np.ones((2, 2)), 1)
     start = np.array([[0.6, 0.4], [0.5, 0.5]])
-    known = policy_certificate(Liar(), allowed, np.full((2, 2), 0.5)).lower_bound
+    known = policy_certificate(Liar(), allowed, np.full((2, 2), 0.5), floor=0.0).lower_bound
     certificate = policy_certificate(Liar(), allowed, np.eye(2), known)
     assert known == 0.0 and certificate.cost == -1.0
     assert certificate.contradicts and "lies above the cost" in certificate.text
@@ -52,7 +52,7 @@ def test_a_policys_own_bound_is_its_linear_program(features):
         for k, upper in enumerate(problem.upper)
     )
     own = J - np.vdot(g, v) + least
-    certificate = policy_certificate(sweep, allowed, v)
+    certificate = policy_certificate(sweep, allowed, v, floor=sweep.floor)
     assert certificate.cost == J and certificate.lower_bound == pytest.approx(max(own, 0.0), rel=1e-9, abs=1e-12)
     better = 0.5 * (certificate.lower_bound + J)
     assert policy_certificate(sweep, allowed, v, better).lower_bound == better

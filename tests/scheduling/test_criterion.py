@@ -18,6 +18,8 @@ from tests.families.athans.random_problems import random_policy, random_problem
 class LogDet:
     """log det S: convex in the information."""
 
+    signed = True
+
     def value(self, covariance):
         return float(np.linalg.slogdet(covariance)[1])
 
