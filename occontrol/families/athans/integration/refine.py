@@ -32,6 +32,7 @@ GAP_THAT_ADDS_EDGES = 0.01  # of the cost: the gap at the top above which edges 
 GAP_WANTED = 0.001  # of the cost: the gap at the top that is then aimed at
 PARTS = 4
 SMALLEST_SHARE = 1e-6  # share of an interval that is worth an edge
+SMALLEST_WORTH = 1e-3 * GAP_WANTED  # of the cost: what a choice on a piece must be able to change
 ROUNDS = 8
 MOST_ADDED_EDGES = 120  # edges, beside a quarter of the intervals
 WHY = "one choice would spoil this interval"
@@ -120,7 +121,8 @@ def _cuts(
     below = np.sum(loss) - np.cumsum(loss[order]) <= 0.5 * GAP_WANTED * cost
     count = int(np.argmax(below)) + 1 if np.any(below) else len(order)
     order = np.concatenate([order[:count], np.setdiff1d(np.flatnonzero(coarse), order[:count])])
-    return _cut_at_steps(problem, integrator, on, [i for i in order if loss[i] > 0 or coarse[i]], room)
+    order = [i for i in order if loss[i] > 0 or coarse[i]]
+    return _cut_at_steps(problem, on, order, coarse, SMALLEST_WORTH * cost, room)
 
 
 def _shared(problem: SchedulingProblem, found: RelaxedOutcome, room: int) -> tuple[np.ndarray, np.ndarray]:
@@ -156,22 +158,41 @@ def _least_apart(edges: np.ndarray) -> float:
 
 
 def _cut_at_steps(
-    problem: SchedulingProblem, integrator: Integrator, on: Extrapolated, order: Sequence[int], room: int
+    problem: SchedulingProblem, on: Extrapolated, order: Sequence[int], coarse: np.ndarray, least: float, room: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """At most `room` times at which the intervals of `order` are cut, and the interval each new one comes from."""
-    mesh = on.half.mesh
-    starts, owner = integrator.spans.origin + mesh.starts, mesh.owner
+    """At most `room` times at which the intervals of `order` are cut, and the interval each new one comes from.
+
+    To first order, a choice on a step can change the cost by no more than its prices differ. A piece at an end of an
+    interval that is worth less than `least` of the cost is no piece: a diffuse start has steps of 1e-11 of an interval.
+    In `coarse` intervals the pieces make room for steps, whatever they are worth.
+    """
+    mesh, g = on.half.mesh, on.half.by_step
+    starts, owner = float(problem.edges[0]) + mesh.starts, mesh.owner
+    usable = feasible_set(problem).upper[owner] > 0
+    worth = np.max(np.where(usable, g, -np.inf), axis=1) - np.min(np.where(usable, g, np.inf), axis=1)
     times: list[float] = []
     for i in order:
-        inner = starts[owner == i][1:]
+        own = owner == i
+        inner, before = starts[own][1:], np.cumsum(worth[own])[:-1]
+        if not coarse[i]:
+            inner = inner[(before > least) & (np.sum(worth[own]) - before > least)]
         parts = min(PARTS, len(inner) + 1, room - len(times) + 1)
         if parts < 2:
             continue
         at = np.unique(np.round(np.arange(1, parts) * (len(inner) + 1) / parts).astype(int)) - 1
         times += [float(t) for t in inner[np.clip(at, 0, len(inner) - 1)]]
-    extra = np.array(sorted(set(times)))
-    edges = np.sort(np.concatenate([problem.edges, extra]))
-    edges = edges[np.append(True, np.diff(edges) > _least_apart(edges))]
-    extra = np.setdiff1d(edges, problem.edges)
+    extra = _apart(problem.edges, times)
+    edges = np.union1d(problem.edges, extra)
     middle = (edges[1:] + edges[:-1]) / 2
     return extra, np.searchsorted(problem.edges, middle, side="right") - 1
+
+
+def _apart(edges: np.ndarray, times: Sequence[float]) -> np.ndarray:
+    """(K,) those of `times` that can be told from the `edges` (N+1,), all of which stay, and from each other."""
+    least, kept = _least_apart(edges), [float(edges[0])]
+    for t in sorted(times):
+        after = edges[min(np.searchsorted(edges, t), len(edges) - 1)]
+        before = max(kept[-1], float(edges[max(np.searchsorted(edges, t) - 1, 0)]))
+        if t - before > least and after - t > least:
+            kept.append(t)
+    return np.array(kept[1:])
