@@ -70,6 +70,11 @@ class LogDeterminant:
         """0 for any `covariance` (n, n): nothing is smoothed."""
         return 0.0
 
+    def curvature(self, covariance: np.ndarray, changes: np.ndarray) -> np.ndarray:
+        """Second derivatives (m, m) at S, `covariance` (n, n), along `changes` (m, n, n): -tr(W S_a W S_b)."""
+        along = self.gradient(covariance) @ changes
+        return -np.einsum("aij,bji->ab", along, along)
+
 
 @dataclass(frozen=True, eq=False)
 class LargestEigenvalue:
@@ -114,6 +119,21 @@ class LargestEigenvalue:
         shares = self._shares(np.linalg.eigvalsh(_outputs(self.output, covariance)))
         shares = shares[shares > 0]
         return float(-self.smoothing * np.sum(shares * np.log(shares)))
+
+    def curvature(self, covariance: np.ndarray, changes: np.ndarray) -> np.ndarray:
+        """Second derivatives (m, m) at S, `covariance` (n, n), along `changes` (m, n, n), for mu > 0.
+
+        In the basis V: sum_i s_i A_ii B_ii / mu - (s.A)(s.B) / mu + sum_{i != j} (s_i - s_j)/(l_i - l_j) A_ij B_ij.
+        """
+        values, vectors = np.linalg.eigh(_outputs(self.output, covariance))
+        s, basis = self._shares(values), self.output.T @ vectors
+        along = basis.T @ changes @ basis
+        apart = np.subtract.outer(values, values)
+        near = np.abs(apart) <= 1e-6 * self.smoothing  # there the quotient is its limit
+        both = np.add.outer(s, s) / (2 * self.smoothing)
+        slope = np.where(near, both, np.subtract.outer(s, s) / np.where(near, 1.0, apart))
+        drift = np.einsum("i,aii->a", s, along)
+        return np.einsum("aij,ij,bij->ab", along, slope, along) - np.outer(drift, drift) / self.smoothing
 
     def _shares(self, values: np.ndarray) -> np.ndarray:
         if self.smoothing == 0:

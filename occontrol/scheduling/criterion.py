@@ -39,6 +39,14 @@ class Criterion(Protocol):
         ...
 
 
+class CurvedCriterion(Criterion, Protocol):
+    """A criterion with second derivatives, for Newton's method."""
+
+    def curvature(self, covariance: np.ndarray, changes: np.ndarray) -> np.ndarray:
+        """Second derivatives (m, m) at S, `covariance` (n, n), along `changes` of S (m, n, n)."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class TraceCriterion:
     """tr(W S): linear, so its weight is the same for every policy and the sweep's loops compile it in.
@@ -62,3 +70,7 @@ class TraceCriterion:
     def smoothing_error(self, covariance: np.ndarray) -> float:
         """0 for any `covariance` (n, n): nothing is smoothed."""
         return 0.0
+
+    def curvature(self, covariance: np.ndarray, changes: np.ndarray) -> np.ndarray:
+        """0 (m, m) at any `covariance` (n, n) along `changes` (m, n, n): the trace is linear."""
+        return np.zeros((len(changes), len(changes)))
