@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from occontrol.core.plant import LinearPlant
+from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.sensor import Sensor
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.families.athans.readings.clock import Steps
+from occontrol.families.athans.readings.problem import ReadingsProblem
 
 
 def oscillators(states: int, sensors: int, intervals: int, seed: int, running: bool = False) -> SchedulingProblem:
@@ -49,4 +51,34 @@ def oscillators(states: int, sensors: int, intervals: int, seed: int, running: b
         predict_at=12.0,
         cost_weight=0.1,
         running=np.diag(np.r_[np.ones(m), np.zeros(m)]) * 0.05 if running else None,
+    )
+
+
+def selection(states: int, sensors: int, steps: int, select: int, radius: float, seed: int) -> ReadingsProblem:
+    """Choose some of many scalar sensors at each of a few steps; the sum of the posterior traces counts.
+
+    Parameters
+    ----------
+    states, sensors, steps, select : n, M, T, and how many are read at a time
+    radius : spectral radius of the random plant
+    seed : 0 rows are unit vectors, otherwise Gaussian
+    """
+    rng = np.random.default_rng(100 * states + seed)
+    F = rng.standard_normal((states, states))
+    F *= radius / np.max(np.abs(np.linalg.eigvals(F)))
+    if seed == 0:
+        rows = np.eye(states)[rng.permutation(states)[:sensors]]
+    else:
+        rows = rng.standard_normal((sensors, states)) / np.sqrt(states)
+    one = np.eye(states)
+    return ReadingsProblem(
+        name=f"selection-{states}-{sensors}-{steps}-{select}-{seed}",
+        plant=DiscretePlant(F, 0.5 * one, one),
+        sensors=[Sensor(f"s{j + 1}", row[None], [[0.5]]) for j, row in enumerate(rows)],
+        clock=Steps(steps),
+        output=np.zeros((1, states)),
+        running=one,
+        running_at="posterior",
+        cost_weight=0.0,
+        select=select,
     )

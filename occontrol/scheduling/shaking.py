@@ -1,4 +1,6 @@
-"""Iterated local search on top of the polish: neighbouring intervals change places, and the exchanges begin again.
+"""Iterated local search on top of the polish: the schedule is disturbed, and the exchanges begin again.
+
+Along singular arcs neighbouring intervals change places; where readings are whole, a few random exchanges are made.
 
 A policy that no single exchange improves may still have its switches at the wrong places along a singular arc, where
 moving one takes two exchanges (Lourenco, Martin and Stutzle 2003 on the method in general).
@@ -15,6 +17,9 @@ from occontrol.scheduling.sweep import Sweep
 
 SHARE = 0.02
 PATIENCE = 8
+KICKS = 6  # random exchanges that disturb a schedule of readings
+TINY = 1e-12  # of the cost: what is not better but rounded otherwise
+LONG_PATIENCE = 20  # fruitless rounds of kicks that end them
 
 
 def shake(
@@ -55,5 +60,49 @@ def shake(
         found = polish(sweep, feasible_set, v, max_rounds, monitor)
         fruitless += 1
         if found.cost < best.cost:
+            best, fruitless = found, 0
+    return best
+
+
+def kick(
+    sweep: Sweep,
+    feasible_set: FeasibleSet,
+    best: SweepOutcome,
+    good_enough: float,
+    sweeps: int,
+    max_rounds: int = 200,
+    monitor: Monitor | None = None,
+    seed: int = 0,
+) -> SweepOutcome:
+    """The best policy found by KICKS random exchanges and polishing again, from a polished policy.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    feasible_set : FeasibleSet of the policies
+    best : SweepOutcome of `polish`
+    good_enough : cost at which to stop
+    sweeps : forward sweeps that may be spent; LONG_PATIENCE fruitless rounds also end it
+    max_rounds : of every polish
+    monitor : Monitor
+    seed : of the exchanges; the same seed gives the same policy
+
+    Returns SweepOutcome, never worse than `best`.
+    """
+    monitor, rng = monitor or Monitor(), np.random.default_rng(seed)
+    spent, fruitless = sweep.forward_count + sweeps, 0
+    while best.cost > good_enough and fruitless < LONG_PATIENCE and sweep.forward_count < spent and not monitor.stop:
+        v = best.weights.copy()
+        for _ in range(KICKS):
+            leaves, enters = feasible_set.exchange_masks(v)
+            places = np.flatnonzero(np.any(leaves, axis=1) & np.any(enters, axis=1))
+            if not len(places):
+                return best
+            k = rng.choice(places)
+            v[k, rng.choice(np.flatnonzero(leaves[k]))] -= 1.0
+            v[k, rng.choice(np.flatnonzero(enters[k]))] += 1.0
+        found = polish(sweep, feasible_set, v, max_rounds, monitor)
+        fruitless += 1
+        if found.cost < best.cost * (1 - TINY) if best.cost > 0 else found.cost < best.cost:
             best, fruitless = found, 0
     return best

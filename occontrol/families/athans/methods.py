@@ -27,6 +27,7 @@ __all__ = [
     "BestSingle", "Collocation", "Exact", "Greedy", "HMinimal", "Random", "RelaxRoundPolish", "Relaxed", "RoundRobin",
 ]  # fmt: skip
 
+KICK_SWEEPS = 4  # times the sweeps that the first polish of readings took: by those its kicks are budgeted
 POLISH_SWEEPS = 4  # sweeps of the shaken polish for each of the relaxation's, which cost more
 STARTS = {"best-single": BestSingle, "round-robin": RoundRobin, "greedy": Greedy, "random": Random}
 _POSITIVE = ("relative_gap", "time_limit")
@@ -153,7 +154,7 @@ class RelaxRoundPolish:
         from occontrol.scheduling.baselines import greedy
         from occontrol.scheduling.hminimal import polish
         from occontrol.scheduling.rounding import roundings
-        from occontrol.scheduling.shaking import shake
+        from occontrol.scheduling.shaking import kick, shake
 
         found = relax(sweep, feasible_set, monitor, self.relative_gap, self.max_iterations)
         found.proves = True
@@ -167,7 +168,9 @@ class RelaxRoundPolish:
             # without exact exchanges a polish is slow: the best start alone, but for readings, of which there are few
             exact = sweep.foresees_exchanges and not sweep.dense
             starts = candidates if exact or readings else candidates[:1]
+            before = sweep.forward_count
             done = [polish(sweep, feasible_set, start, self.polish, monitor) for start in starts]
+            polished = sweep.forward_count - before
             best, judge = min(done, key=lambda o: o.cost), judge_of(sweep)
             if relaxed is not None:
                 inner = in_terms_of(sweep, relaxed)
@@ -175,6 +178,9 @@ class RelaxRoundPolish:
                     enough = inner.lower_bound + self.relative_gap * abs(relaxed.cost + best.cost - inner.cost)
                     spent = POLISH_SWEEPS * inner.sweeps["gradients"]
                     best = shake(sweep, feasible_set, best, enough, spent, self.polish, monitor)
+                if readings and best.end == "stationary":
+                    enough = relaxed.lower_bound + self.relative_gap * abs(best.cost)
+                    best = kick(sweep, feasible_set, best, enough, KICK_SWEEPS * polished, self.polish, monitor)
                 if isinstance(judge, Judged):
                     offset = relaxed.cost - inner.cost
                     options = Repolish(self.relative_gap, self.polish)
