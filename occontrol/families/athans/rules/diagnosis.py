@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from occontrol.core.errors import InfeasibleError
@@ -37,7 +39,9 @@ def lacking(frame: Frame, rules: Rules) -> tuple[str, int | None] | None:
     frame : Frame of the problem
     rules : Rules
     """
-    oracle, N = frame.oracle(rules), frame.intervals
+    # what changes cost is no part of a budget
+    free = replace(rules, switch_cost=np.zeros_like(rules.switch_cost), start_cost=0.0)
+    oracle, N = frame.oracle(free), frame.intervals
     k = oracle.first_impossible()
     if k is not None and k < N:
         return f"no schedule keeps the rules beyond {frame.interval(k)}", k
