@@ -7,10 +7,12 @@ import numpy as np
 from occontrol.core.errors import UsageError
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
-from occontrol.families.athans.found import Found
-from occontrol.families.athans.methods import Relaxed, RelaxRoundPolish
+from occontrol.families.athans.found import STEPS_FOR_BOUND, Found
+from occontrol.families.athans.methods import Greedy, Random, Relaxed, RelaxRoundPolish, RoundRobin
 from occontrol.families.athans.readings.bounds import operations
+from occontrol.scheduling.baselines import random_policy
 from occontrol.scheduling.budget import BudgetSet
+from occontrol.scheduling.budget_baselines import greedy_with_budget, in_turn_with_budget
 from occontrol.scheduling.enumeration import cheapest, schedule_count
 from occontrol.scheduling.extraction import ExtractedSweep, extraction
 from occontrol.scheduling.relaxation import RelaxedOptions
@@ -22,6 +24,7 @@ TRIED = 400  # moves from one schedule
 STARTS = 6  # near the relaxation, and as many moved at random
 NOISE = 0.3  # of a reading
 MOST_FLOPS = 1.5e9  # of trying all schedules
+FEWEST, GREEDY_FLOPS = 40, 1e9  # of weighing the candidates for one reading of a greedy schedule
 MOST = 400  # schedules of the relaxation
 
 
@@ -32,21 +35,26 @@ def with_budget(sweep: Sweep, allowed: BudgetSet, method: Method, monitor: Monit
     ----------
     sweep : of the recursion
     allowed : with the budget
-    method : schedule or relaxed
+    method : schedule, relaxed, greedy, round-robin, or random
     monitor : Monitor
     bound : whether the tighter bound is wanted for a relaxed method, too
 
     Raises UsageError for the methods that do not count readings.
     """
-    if not isinstance(method, RelaxRoundPolish | Relaxed):
-        raise UsageError(f"{method.name} does not do budgets of readings\n  hint: method: schedule, or relaxed")
-    monitor = monitor.child(method.time_limit)
+    if not isinstance(method, RelaxRoundPolish | Relaxed | Greedy | RoundRobin | Random):
+        hint = "hint: method: schedule, relaxed, greedy, round-robin, or random"
+        raise UsageError(f"{method.name} does not do budgets of readings\n  {hint}")
+    monitor = monitor.child(getattr(method, "time_limit", None))
     monitor.stage = "relaxation"
-    most = method.max_iterations if allowed.one_group else min(method.max_iterations, MOST)
+    steps = getattr(method, "max_iterations", STEPS_FOR_BOUND)
+    most = steps if allowed.one_group else min(steps, MOST)
     options = RelaxedOptions(method.relative_gap, most)
     relaxed, columns = minimise_with_budget(sweep, allowed, options, monitor)
     found = Found(relaxed.weights, relaxed.iterations, relaxed.status, "", relaxed, target=method.relative_gap)
-    found.proves = True
+    found.proves = isinstance(method, RelaxRoundPolish | Relaxed)
+    if isinstance(method, Greedy | RoundRobin | Random):
+        found.weights = _simple(sweep, allowed, method)
+        return found
     few = schedule_count(allowed) * operations(sweep) <= MOST_FLOPS
     if few and (bound or isinstance(method, RelaxRoundPolish)) and getattr(method, "branch_first", None) is not False:
         monitor.stage = "all schedules"
@@ -79,3 +87,10 @@ def with_budget(sweep: Sweep, allowed: BudgetSet, method: Method, monitor: Monit
             tighter, _ = minimise_with_budget(bent, allowed, options, monitor.silent())
             found.bound, found.extra["extraction"] = tighter.lower_bound, rho
     return found
+
+
+def _simple(sweep: Sweep, allowed: BudgetSet, method: Greedy | RoundRobin | Random) -> np.ndarray:
+    """The policy (N, M) of a baseline."""
+    if isinstance(method, Greedy):
+        return greedy_with_budget(sweep, allowed, max(FEWEST, int(GREEDY_FLOPS / operations(sweep))))
+    return in_turn_with_budget(allowed) if isinstance(method, RoundRobin) else random_policy(allowed, method.seed)
