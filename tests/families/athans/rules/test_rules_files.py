@@ -241,8 +241,9 @@ def test_where_one_step_is_exact_the_top_pair_is_a_number(tmp_path: Path) -> Non
 @pytest.mark.parametrize("limit", ["max_observation_cost: 0.8", "max_share: 0.5"])
 def test_what_changes_cost_is_no_part_of_a_budget(tmp_path: Path, limit: str) -> None:
     """Two changes cost more than the budget holds; they are paid in the cost, not out of the budget."""
-    p = problem(tmp_path, ("cost: 0.5}", "cost: 0.5, revisit: 2.0}"), ("cost: 0.2}", "cost: 0.2}\n  - idle"),
-                more=f"constraints: {{switch_cost: 5.0, {limit}}}\nmethod: {{name: schedule, exact: true}}\n")  # fmt: skip
+    changed = ("cost: 0.5}", "cost: 0.5, revisit: 2.0}"), ("cost: 0.2}", "cost: 0.2}\n  - idle")
+    more = f"constraints: {{switch_cost: 5.0, {limit}}}\nmethod: {{name: schedule, exact: true}}\n"
+    p = problem(tmp_path, *changed, more=more)
     r = oc.solve(p).result
     assert r["proven_optimal"] and r["observation_cost"] <= 0.8 + 0.4 * (limit != "max_observation_cost: 0.8")
     assert r["switching_cost"] in (5.0, 10.0)
