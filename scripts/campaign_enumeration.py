@@ -40,7 +40,7 @@ MOST_FLOWS = 150  # spans that it may consist of
 SHORTEST = 1e-6  # share of an interval that it still switches for
 TIME_LIMIT = 60.0
 FASTER = 64.0  # horizons with very precise sensors are so much shorter: the exact check follows their fast transients
-LIMITED = "too few here"  # what the message says where the limit on steps spoils the accuracy
+LIMITED = "was asked for"  # what the message says where the cost is less accurate than that
 ROUNDING = 1e-9  # of J: what the continuous check states at least
 
 

@@ -86,7 +86,8 @@ def assemble(
     for lost in lost_modes(problem, counted=True):
         remarks += f" It is {lost.what}: {lost.hint}."
     if status is not Status.DISAGREES and integrator.options.substeps is None:
-        remarks += _limited(evaluated, integrator.accuracy)
+        exact = top.cost if top.of == "continuous" else None
+        remarks += _limited(evaluated, integrator.accuracy, exact)
     error_of_steps = evaluated.error if judged is None else judged.discretisation_error
     running = certificate.cost - observation - error if r.running.shape[0] else 0.0
     numbers = AthansResult(
@@ -186,15 +187,17 @@ def _tops(certificate: Certificate, judged: Judgement | None, reason: str) -> tu
     return TopNumbers(*numbers, "continuous"), ContinuousNumbers(*numbers)
 
 
-def _limited(evaluated: Evaluation, accuracy: float) -> str:
-    """A remark where the limits on the steps leave the cost less accurate than was asked for."""
-    if not evaluated.error > accuracy * abs(evaluated.cost):
+def _limited(evaluated: Evaluation, accuracy: float, exact: float | None = None) -> str:
+    """A remark where the cost is less accurate than was asked for, by its own estimate or by the `exact` one."""
+    size = abs(evaluated.cost)
+    apart = 0.0 if exact is None else abs(evaluated.cost - exact)
+    error = max(evaluated.error, apart)
+    if not error > accuracy * size:
         return ""
-    reached = evaluated.error / abs(evaluated.cost) if evaluated.cost else np.inf
-    return (
-        f" An interval may have {MOST_IN_INTERVAL} steps of integration, which is too few here: the cost is accurate to"
-        f" {reached:.2g} of itself where {accuracy:.2g} was asked for; use more intervals."
-    )
+    why = f" An interval may have {MOST_IN_INTERVAL} steps of integration, which is too few here: the cost"
+    start = why if evaluated.error > accuracy * size else " The cost"
+    reached = error / size if size else np.inf
+    return f"{start} is accurate to {reached:.2g} of itself where {accuracy:.2g} was asked for; use more intervals."
 
 
 def _remark(certificate: Certificate, top: TopNumbers, unfinished: str) -> str:
