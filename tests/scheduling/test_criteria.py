@@ -23,6 +23,7 @@ from occontrol.scheduling.criteria import (
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 from occontrol.scheduling.smoothed import minimise_smoothed
 from occontrol.scheduling.sweep import Sweep
+from scripts.campaign_criteria import judged
 from tests.families.athans.random_problems import random_policy, random_problem
 
 KINDS = ["log-trace", "logdet", "largest", "smoothed", "schatten"]
@@ -200,3 +201,9 @@ def test_the_volume_after_six_readings_is_negative_and_its_bound_too():
     worst = np.eye(3)[list(words[int(np.argmax(costs))])]
     certificate = policy_certificate(sweep, allowed, worst, floor=sweep.floor)
     assert certificate.lower_bound <= costs.min() and sweep.floor == -np.inf
+
+
+@pytest.mark.parametrize("seed", range(300, 306))
+def test_every_criterion_against_a_plain_filter_over_all_schedules(seed):
+    for name, (_, beyond, room, certified) in judged(seed).items():
+        assert beyond <= 1e-12 and room >= -1e-10 and certified, name
