@@ -1,17 +1,19 @@
 """Bounds that know readings are whole: noise extraction, and trees over first choices."""
 
 from dataclasses import replace
-from itertools import product
+from itertools import combinations, combinations_with_replacement, product
 
 import numpy as np
 import pytest
 
 from occontrol.core.monitor import Monitor
+from occontrol.scheduling.committed import Committed
 from occontrol.scheduling.extraction import ExtractedSweep, extraction
 from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.first_choices import TreeLimits, branch, choices
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
+from occontrol.scheduling.single_readings import branch_singly
 from occontrol.scheduling.sweep import Sweep
 
 
@@ -102,3 +104,56 @@ def test_choices_of_one_decision():
     with_idle = choices(np.array([1.0, 1.0, 2.0]), 2)
     assert sorted(map(tuple, with_idle)) == [(0, 0, 2), (0, 1, 1), (1, 0, 1), (1, 1, 0)]
     assert choices(np.ones(40), 5) is None
+
+
+def two_of(M: int, N: int, sweep: Sweep, upper: np.ndarray) -> float:
+    """The least cost of two sensors at a time, idle (the last, up to 2) among them, by enumeration."""
+    ways = [np.eye(M)[list(c)].sum(axis=0) for c in combinations_with_replacement(range(M), 2)]
+    ways = [w for w in ways if np.all(w[:-1] <= 1)]
+    found = []
+    for chosen in product(ways, repeat=N):
+        v = np.array(chosen)
+        if np.all(v <= upper):
+            found.append(sweep.cost(v))
+    return min(found)
+
+
+@pytest.mark.parametrize("bent", [False, True])
+@pytest.mark.parametrize("seed", range(6))
+def test_single_readings_prove_the_optimum(seed, bent):
+    """Windows, and idle that may fill both places; every bound on the way lies below the optimum."""
+    r = made(seed, M=4, N=3, prior=10.0)
+    r = replace(r, rows=r.rows[:, :3], offsets=np.array([0, 1, 2, 3, 3]))
+    upper = np.ones((3, 4))
+    upper[:, 3], upper[1, 0] = (2.0 if seed % 2 else 0.0), (0.0 if seed % 3 == 0 else 1.0)
+    r = replace(r, available=upper)
+    sweep, allowed = Sweep(r), IntervalPolytopes(upper, 2)
+    objective = ExtractedSweep(sweep, extraction(r)) if bent else sweep
+    root = minimise_relaxed(objective, allowed, None, RelaxedOptions(1e-4))
+    best = two_of(4, 3, sweep, upper)
+    for nodes in (4, 10_000):
+        tree = branch_singly(objective, allowed, root, 10 * best, TreeLimits(1e-6, 100_000, nodes=nodes), Monitor())
+        assert root.lower_bound <= tree.lower_bound <= best * (1 + 1e-12)
+    assert tree.closed and tree.cost == pytest.approx(best, rel=1e-12)
+    assert tree.weights is not None and allowed.contains(tree.weights) and sweep.cost(tree.weights) == tree.cost
+    assert tree.lower_bound >= best * (1 - 2e-6)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_committed_weights_stay_and_the_rest_is_nearest_and_cheapest(seed):
+    rng = np.random.default_rng(seed)
+    upper, fixed = np.ones((6, 5)), np.zeros((6, 5), dtype=bool)
+    fixed[np.arange(6), rng.integers(0, 5, 6)] = rng.random(6) < 0.7
+    allowed = Committed(upper, 2, None, (), fixed)
+    g, y = rng.standard_normal((2, 6, 5)) * 10.0 ** rng.integers(-3, 4)
+    rest = np.where(fixed, 0.0, 1.0)
+    for k in range(6):
+        ways = [np.eye(5)[list(c)].sum(axis=0) for c in combinations(range(5), 2)]
+        ways = [w for w in ways if np.all(w[fixed[k]] == 1)]
+        cheapest = min(ways, key=lambda w: float(g[k] @ w))
+        assert np.array_equal(allowed.vertex(g)[k], cheapest)
+        v = np.mean(ways, axis=0)
+        assert allowed.excess(np.tile(v, (6, 1)), g)[k] == pytest.approx(g[k] @ (v - cheapest), rel=1e-9)
+        single = IntervalPolytopes(rest[k : k + 1], 2 - int(fixed[k].sum()))
+        expected = single.project(y[k : k + 1])[0] + fixed[k]
+        assert allowed.project(y)[k] == pytest.approx(expected, abs=1e-11)

@@ -9,9 +9,10 @@ from occontrol.core.monitor import Monitor
 from occontrol.families.athans.found import Found
 from occontrol.scheduling.extraction import ExtractedSweep, extraction
 from occontrol.scheduling.feasible_set import IntervalPolytopes
-from occontrol.scheduling.first_choices import TreeLimits, branch
+from occontrol.scheduling.first_choices import TreeLimits, branch, choices
 from occontrol.scheduling.hminimal import polish
 from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, minimise_relaxed
+from occontrol.scheduling.single_readings import branch_singly
 from occontrol.scheduling.sweep import Sweep
 
 PAYS = 1e-3  # of the cost: a gap below which nothing more is tried
@@ -69,7 +70,8 @@ def tighten(
         if exact is not None:
             limits = TreeLimits(exact.relative_gap, MOST_GRADIENTS, FINE, None, nodes=exact.max_nodes)
             watch = monitor.child(exact.time_limit)
-        tree = branch(objective, allowed, root, cost, limits, watch)
+        many = choices(allowed.upper[0], allowed.places) is None
+        tree = (branch_singly if many else branch)(objective, allowed, root, cost, limits, watch)
         bound, found.extra["nodes"] = max(bound, tree.lower_bound), tree.nodes
         if exact is not None:
             found.extra["proven_optimal"] = tree.closed
