@@ -67,6 +67,21 @@ def test_its_bound_lies_between_the_plain_one_and_the_optimum(seed):
     assert bent.lower_bound > plain.lower_bound + 0.05 * (best - plain.lower_bound)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_what_is_extracted_leaves_the_covariance_of_all_readings_definite(seed):
+    """Smallest eigenvalue of the joint covariance of all signals: above it J~ is not convex, and its bound none."""
+    r = made(seed, N=3)
+    F, Q, C, S = r.transition[1], r.noise[1], r.rows[0], [r.initial]
+    for _ in range(2):
+        S.append(F @ S[-1] @ F.T + Q)
+    power = [np.linalg.matrix_power(F, d) for d in range(3)]
+    joint = np.block(
+        [[C @ (power[i - j] @ S[j] if i >= j else S[i] @ power[j - i].T) @ C.T for j in range(3)] for i in range(3)]
+    )
+    least = float(np.linalg.eigvalsh(joint)[0])
+    assert 0.9 * least <= extraction(r) - 1.0 <= 0.999 * least
+
+
 def test_nothing_is_extracted_where_readings_see_the_same():
     r = made(0, n=2, M=2)
     twice = np.repeat(r.rows[:, :1], 2, axis=1)
@@ -96,6 +111,19 @@ def test_a_tree_that_is_stopped_still_has_a_bound(gradients):
     best = everything(sweep, 5, 3)
     tree = branch(sweep, allowed, root, best, TreeLimits(1e-6, gradients), Monitor())
     assert root.lower_bound <= tree.lower_bound <= best * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("tree", [branch, branch_singly])
+@pytest.mark.parametrize("nodes", [1, 4, 12])
+def test_rough_nodes_have_bounds_and_not_costs(tree, nodes):
+    """Relaxations that end far from their optimum cost more than the best schedule; their bounds do not."""
+    for seed in range(6):
+        r, allowed = made(seed, N=5, prior=100.0), IntervalPolytopes(np.ones((5, 3)), 1)
+        sweep = Sweep(r)
+        start = minimise_relaxed(sweep, allowed, None, RelaxedOptions(0.9, 0))
+        best = everything(sweep, 5, 3)
+        found = tree(sweep, allowed, start, best, TreeLimits(1e-6, 100_000, 0.99, None, nodes=nodes), Monitor())
+        assert found.lower_bound <= best * (1 - 1e-3)
 
 
 def test_choices_of_one_decision():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from occontrol.core.method import Method
@@ -20,6 +22,7 @@ WORK = 1.5e9  # operations that the tree may take
 ROUGH, FINE = 1e-3, 1e-4  # gap of the relaxation of a node, and where the optimum is to be proven
 MOST_GRADIENTS = 10**9  # of a search whose nodes and seconds are limited
 PATIENCE = 12
+COARSE, MOST_ROUGH = 0.02, 5e-3  # of the gap, for the nodes of a tree of single readings; and at most
 
 
 def tighten(
@@ -71,6 +74,9 @@ def tighten(
             limits = TreeLimits(exact.relative_gap, MOST_GRADIENTS, FINE, None, nodes=exact.max_nodes)
             watch = monitor.child(exact.time_limit)
         many = choices(allowed.upper[0], allowed.places) is None
+        if many:  # thousands of nodes: digits of one are worth less than further ones
+            wide = COARSE * (cost - root.lower_bound) / abs(cost)
+            limits = replace(limits, node_gap=float(np.clip(wide, FINE, MOST_ROUGH)))
         tree = (branch_singly if many else branch)(objective, allowed, root, cost, limits, watch)
         bound, found.extra["nodes"] = max(bound, tree.lower_bound), tree.nodes
         if exact is not None:

@@ -90,3 +90,24 @@ def test_in_turn_is_spread_over_the_horizon():
 def test_what_makes_no_sense_is_refused_by_name(method):
     with pytest.raises(UsageError, match=f"{method} does not do budgets of readings"):
         solve(made({"total": 3}), method)
+
+
+@pytest.mark.parametrize("budget, select", [({"total": 3}, 1), ({"total": 3}, 2), ({"a": 2}, 1), ({"a": 1, "b": 3}, 2)])
+def test_what_can_be_saved_at_most_is_what_the_cheapest_schedule_saves(budget, select):
+    """excess carries the bounds: v.g less the least w.g over all schedules that keep the budget, enumerated."""
+    problem = made(budget, select, N=4)
+    allowed, rng = feasible_set(problem), np.random.default_rng(1)
+    ways = [w for w in product(range(2), repeat=12) if sum(w) <= 8]
+    schedules = []
+    for w in ways:
+        v = np.zeros(allowed.shape)
+        v[:, allowed.real] = np.reshape(w, (4, 3))
+        v[:, allowed.idle] = select - v[:, allowed.real].sum(axis=1)
+        if not allowed.check(v):
+            schedules.append(v)
+    table = np.array(schedules).reshape(len(schedules), -1)
+    for _ in range(5):
+        g = rng.standard_normal(allowed.shape)
+        v = (rng.dirichlet(np.ones(len(table))) @ table).reshape(allowed.shape)
+        saved = float(np.vdot(v, g) - np.min(table @ g.ravel()))
+        assert float(np.sum(allowed.excess(v, g))) == pytest.approx(saved, rel=1e-9)

@@ -7,9 +7,13 @@ import pytest
 
 from occontrol.api import certify, family_of, solve
 from occontrol.core.claims import Claims
+from occontrol.core.plant import LinearPlant
+from occontrol.core.sensor import Sensor
 from occontrol.core.solution import Status
 from occontrol.families.athans.methods import RelaxRoundPolish
 from occontrol.families.athans.readings import solve as solving
+from occontrol.families.athans.readings.clock import SampleTimes
+from occontrol.families.athans.readings.problem import ReadingsProblem
 from tests.families.athans.readings.test_check_values import discrete, oshman, sampled
 
 SPOILT = {
@@ -74,3 +78,23 @@ def test_a_claimed_bound_above_another_schedule_is_refuted():
     best = solve(problem)
     claim = Claims(lower_bound=(best.cost + worst.cost) / 2)
     assert certify(problem, worst.schedule, claim).status is Status.DISAGREES
+
+
+@pytest.mark.parametrize("nodes, bound", [(3, 530.13), (30, 530.9)])
+def test_a_tree_that_is_stopped_reports_its_bound_and_not_its_cost(nodes, bound):
+    """Oshman off-line, 626.84: fixing the first of twelve decisions alone proves 530."""
+    r = solve(oshman(False), RelaxRoundPolish(exact={"max_nodes": nodes})).result
+    assert r["cost"] == pytest.approx(626.8439469509, rel=1e-11) and r["proven_optimal"] is False
+    assert r["lower_bound"] == pytest.approx(bound, rel=5e-3)
+
+
+def test_noise_between_the_end_and_the_prediction_is_reported_and_not_charged():
+    """A random walk of intensity 1 and 3 more units of time: 3 more."""
+    plant = LinearPlant([[0.0]], [[1.0]], [[4.0]])
+    clock = SampleTimes([0.5, 1.0], 0.0, 1.5)
+    problem = ReadingsProblem("walk", plant, [Sensor("look", [[1.0]], [[0.5]])], clock, [[1.0]], predict_at=4.5)
+    r = solve(problem).result
+    first = 1 / (1 / 4.5 + 2)
+    last = 1 / (1 / (first + 0.5) + 2) + 0.5
+    assert r["prediction_error"] == pytest.approx(last, rel=1e-12) and r["cost"] == pytest.approx(last, rel=1e-12)
+    assert r["predicted_mean_square_error"] == pytest.approx(last + 3.0, rel=1e-12)
