@@ -1,5 +1,6 @@
 """Bounds that know readings are whole: noise extraction, and trees over first choices."""
 
+import sys
 from dataclasses import replace
 from itertools import combinations, combinations_with_replacement, product
 
@@ -185,3 +186,22 @@ def test_committed_weights_stay_and_the_rest_is_nearest_and_cheapest(seed):
         single = IntervalPolytopes(rest[k : k + 1], 2 - int(fixed[k].sum()))
         expected = single.project(y[k : k + 1])[0] + fixed[k]
         assert allowed.project(y)[k] == pytest.approx(expected, abs=1e-11)
+
+
+@pytest.mark.parametrize("tree", [branch, branch_singly])
+@pytest.mark.parametrize("nodes", [2, 6, 20])
+def test_what_a_node_costs_is_never_its_bound(tree, nodes, monkeypatch):
+    """Nodes whose relaxation ends as dear as can be, with the bound that it has: the tree's stays below the optimum."""
+    module = sys.modules[tree.__module__]
+
+    def dear(*arguments):
+        return replace(minimise_relaxed(*arguments), cost=1e9)
+
+    monkeypatch.setattr(module, "minimise_relaxed", dear)
+    for seed in range(3):
+        r, allowed = made(seed, N=5, prior=100.0), IntervalPolytopes(np.ones((5, 3)), 1)
+        sweep = Sweep(r)
+        root = minimise_relaxed(sweep, allowed, None, RelaxedOptions(1e-4))
+        best = everything(sweep, 5, 3)
+        found = tree(sweep, allowed, root, 10 * best, TreeLimits(1e-6, 100_000, nodes=nodes), Monitor())
+        assert root.lower_bound <= found.lower_bound <= best * (1 + 1e-12)
