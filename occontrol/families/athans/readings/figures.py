@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -55,6 +57,16 @@ def _axis(axes: Axes, problem: ReadingsProblem, label: bool) -> None:
         style.tidy_time_axis(axes, float(min(problem.clock.start, edges[0])), float(edges[-1]), label)
 
 
+def _map(axes: Axes, problem: ReadingsProblem, values: np.ndarray, names: Sequence[str], words: str, label: bool,
+         log: bool = True) -> None:  # fmt: skip
+    """A map (N, rows) with one column for every reading; that of step k is centred on k."""
+    shift = 0.5 if problem.discrete else 0.0
+    map_panel(axes, problem.edges - shift, values, names, words, log=log)
+    _axis(axes, problem, label)
+    if problem.discrete:
+        axes.set_xlim(-shift, float(problem.edges[-1]) - shift)
+
+
 def _draw_schedule(axes: Axes, problem: ReadingsProblem, solution: Solution, label: bool = True) -> None:
     """A dot for every reading; pale bars where a sensor may be read."""
     names = [name for name in problem.sensors.names if name != IDLE]
@@ -91,16 +103,18 @@ def _draw_states(axes: Axes, problem: ReadingsProblem, solution: Solution, label
     prior = np.einsum("kii->ki", solution.arrays["prior_covariance"][:-1])
     after = np.einsum("kii->ki", solution.arrays["covariance"])
     names = state_names(problem.states)
-    axes.set_title("standard deviation of the estimation error, before and after every reading")
+    title = "standard deviation of the estimation error"
     if problem.states <= style.MOST_LINES:
         both = np.sqrt(np.maximum(np.stack([prior, after], axis=1).reshape(2 * len(times), -1), 0.0))
+        axes.set_title(f"{title}, before and after every reading")
         curves_panel(axes, np.repeat(times, 2), both, names, "deviation")
+        _axis(axes, problem, label)
     else:
         deviation = np.sqrt(np.maximum(after, 0.0))
         largest = np.max(deviation, axis=0)
         relative = deviation / np.where(largest > 0, largest, 1.0)
-        map_panel(axes, problem.edges, relative, names, "share of its largest")
-    _axis(axes, problem, label)
+        axes.set_title(f"{title} just after every reading")
+        _map(axes, problem, relative, names, "share of its largest", label)
 
 
 def _draw_switching(axes: Axes, problem: ReadingsProblem, solution: Solution, label: bool = True) -> None:
@@ -119,13 +133,14 @@ def _draw_switching(axes: Axes, problem: ReadingsProblem, solution: Solution, la
         axes.set_ylabel("cost of a reading")
         axes.grid(axis="y")
         legend(axes, len(names))
+        _axis(axes, problem, label)
     else:
         axes.set_title("switching functions above the smallest (dark: to be read, white: not available)")
         above = switching - np.nanmin(switching, axis=1, keepdims=True)
         positive = above[above > 0]
         scale = float(np.median(positive)) if len(positive) else 1.0
-        map_panel(axes, problem.edges, np.log10(1 + above / scale), names, "log₁₀(1 + distance/median)", log=False)
-    _axis(axes, problem, label)
+        words = "log₁₀(1 + distance/median)"
+        _map(axes, problem, np.log10(1 + above / scale), names, words, label, log=False)
 
 
 def _counts(problem: ReadingsProblem, solution: Solution) -> list[str]:
