@@ -8,6 +8,8 @@ moving one takes two exchanges (Lourenco, Martin and Stutzle 2003 on the method 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from occontrol.core.monitor import Monitor
@@ -18,7 +20,6 @@ from occontrol.scheduling.sweep import Sweep
 SHARE = 0.02
 PATIENCE = 8
 KICKS = 6  # random exchanges that disturb a schedule of readings
-TINY = 1e-12  # of the cost: what is not better but rounded otherwise
 LONG_PATIENCE = 20  # fruitless rounds of kicks that end them
 
 
@@ -47,21 +48,20 @@ def shake(
 
     Returns SweepOutcome, never worse than `best`.
     """
-    monitor, rng = monitor or Monitor(), np.random.default_rng(seed)
-    spent, fruitless = sweep.backward_count + sweeps, 0
-    while best.cost > good_enough and fruitless < PATIENCE and sweep.backward_count < spent and not monitor.stop:
-        v = best.weights.copy()
+    rng, spent = np.random.default_rng(seed), sweep.backward_count + sweeps
+
+    def disturbed(v: np.ndarray) -> np.ndarray | None:
         places = np.flatnonzero(feasible_set.swap_mask(v) & np.any(v[1:] != v[:-1], axis=1))
         if not len(places):
-            break
-        chosen = places[rng.random(len(places)) < max(SHARE, 1.0 / len(places))]
-        for k in chosen:
+            return None
+        for k in places[rng.random(len(places)) < max(SHARE, 1.0 / len(places))]:
             v[[k, k + 1]] = v[[k + 1, k]]
-        found = polish(sweep, feasible_set, v, max_rounds, monitor)
-        fruitless += 1
-        if found.cost < best.cost:
-            best, fruitless = found, 0
-    return best
+        return v
+
+    def left() -> bool:
+        return sweep.backward_count < spent
+
+    return _repeated(sweep, feasible_set, best, good_enough, PATIENCE, max_rounds, monitor, disturbed, left)
 
 
 def kick(
@@ -89,20 +89,44 @@ def kick(
 
     Returns SweepOutcome, never worse than `best`.
     """
-    monitor, rng = monitor or Monitor(), np.random.default_rng(seed)
-    spent, fruitless = sweep.forward_count + sweeps, 0
-    while best.cost > good_enough and fruitless < LONG_PATIENCE and sweep.forward_count < spent and not monitor.stop:
-        v = best.weights.copy()
+    rng, spent = np.random.default_rng(seed), sweep.forward_count + sweeps
+
+    def disturbed(v: np.ndarray) -> np.ndarray | None:
         for _ in range(KICKS):
             leaves, enters = feasible_set.exchange_masks(v)
             places = np.flatnonzero(np.any(leaves, axis=1) & np.any(enters, axis=1))
             if not len(places):
-                return best
+                return None
             k = rng.choice(places)
             v[k, rng.choice(np.flatnonzero(leaves[k]))] -= 1.0
             v[k, rng.choice(np.flatnonzero(enters[k]))] += 1.0
+        return v
+
+    def left() -> bool:
+        return sweep.forward_count < spent
+
+    return _repeated(sweep, feasible_set, best, good_enough, LONG_PATIENCE, max_rounds, monitor, disturbed, left)
+
+
+def _repeated(
+    sweep: Sweep,
+    feasible_set: FeasibleSet,
+    best: SweepOutcome,
+    good_enough: float,
+    patience: int,
+    max_rounds: int,
+    monitor: Monitor | None,
+    disturbed: Callable[[np.ndarray], np.ndarray | None],
+    left: Callable[[], bool],
+) -> SweepOutcome:
+    """Disturb the best policy and polish it again, until `patience` rounds in a row gain nothing or nothing is left."""
+    monitor, fruitless = monitor or Monitor(), 0
+    while best.cost > good_enough and fruitless < patience and left() and not monitor.stop:
+        v = disturbed(best.weights.copy())
+        if v is None:
+            break
         found = polish(sweep, feasible_set, v, max_rounds, monitor)
         fruitless += 1
-        if found.cost < best.cost * (1 - TINY) if best.cost > 0 else found.cost < best.cost:
+        if found.cost < best.cost:
             best, fruitless = found, 0
     return best

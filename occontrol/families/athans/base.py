@@ -12,6 +12,7 @@ from occontrol.core.method import Method
 from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.problem import BaseProblem
 from occontrol.core.sensor import Sensor, SensorSuite
+from occontrol.families.athans.rules.statement import Constraints
 
 
 class AthansProblem(BaseProblem):
@@ -27,6 +28,8 @@ class AthansProblem(BaseProblem):
     method : an options object of the family's METHODS, or None for the default
     expect : {source, cost, tolerance}, the known answer, if any
     edges : (N+1,) of the intervals, in the unit of time
+    rules : Constraints that a schedule has to keep, or None
+    minimise : "cost", "error" (running and output), or "observation"
     states, places : n, and how many sensors are used at a time
     intervals, readings : N, of continuous sensing and of readings at instants
     listed : the sensors that the user listed, of readings at instants
@@ -45,8 +48,20 @@ class AthansProblem(BaseProblem):
     readings: int
     listed: tuple[str, ...]
     edges: Kept[OptionalVectorLike, np.ndarray]
+    rules: Constraints | None
+    minimise: str
 
     @property
     def discrete(self) -> bool:
         """Whether the clock counts steps."""
         return False
+
+    @property
+    def ruled(self) -> bool:
+        """Whether rules or budgets concern a whole schedule."""
+        return self.rules is not None or self.minimise != "cost"
+
+    @property
+    def slews(self) -> bool:
+        """Whether there may be times at which no sensor is used because it is on the way to another."""
+        return self.rules is not None and self.rules.slews

@@ -234,16 +234,6 @@ class SchedulingProblem(AthansProblem):
         return elapsed(self.edges)
 
     @property
-    def ruled(self) -> bool:
-        """Whether rules or budgets concern a whole schedule."""
-        return self.rules is not None or self.minimise != "cost"
-
-    @property
-    def slews(self) -> bool:
-        """Whether there may be times at which no sensor is used because it is on the way to another."""
-        return self.rules is not None and self.rules.slews
-
-    @property
     def midpoints(self) -> np.ndarray:
         """(N,) midpoints of the intervals."""
         return (self.edges[1:] + self.edges[:-1]) / 2

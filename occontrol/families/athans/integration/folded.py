@@ -19,6 +19,8 @@ from occontrol.families.athans.integration.spans import Spans
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.sweep import Sweep
 
+KEPT_ERRORS = 4  # policies
+
 
 class Folded:
     """Cost and gradient of policies (N, M) by the recursion on one mesh.
@@ -77,6 +79,7 @@ class Extrapolated:
         self.half = Folded(spans, mesh.halved())
         self.whole = Folded(spans, mesh)
         self.forward_count = self.backward_count = 0
+        self._errors: dict[bytes, float] = {}  # of the policies asked for last: three sweeps each
 
     @property
     def mesh(self) -> Mesh:
@@ -110,6 +113,14 @@ class Extrapolated:
         ----------
         weights : (N, M)
         """
+        key = np.ascontiguousarray(weights).tobytes()
+        if key not in self._errors:
+            if len(self._errors) >= KEPT_ERRORS:
+                self._errors.pop(next(iter(self._errors)))
+            self._errors[key] = self._error(weights)
+        return self._errors[key]
+
+    def _error(self, weights: np.ndarray) -> float:
         costs = [folded.cost(weights) for folded in (self.whole, self.half, self.quarter)]
         first, second = np.diff(costs)
         error = abs(4 * second - first) / 3 * 16 / 15

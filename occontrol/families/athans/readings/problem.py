@@ -250,16 +250,6 @@ class ReadingsProblem(AthansProblem):
         """(E,) the first reading of every decision."""
         return np.flatnonzero(np.diff(self.clock.owner, prepend=-1))
 
-    @property
-    def ruled(self) -> bool:
-        """Whether rules or budgets concern a whole schedule."""
-        return self.rules is not None or self.minimise != "cost"
-
-    @property
-    def slews(self) -> bool:
-        """Whether there may be steps at which nothing is read because one sensor is on the way to another."""
-        return self.rules is not None and self.rules.slews
-
     def make_schedule(self, edges: np.ndarray, weights: np.ndarray) -> ReadingSchedule:
         """A schedule of this problem's sensors from edges (N+1,) and weights (N, M) of every reading."""
         names = tuple(self.sensors.names)

@@ -175,7 +175,8 @@ def _top(integrator: Integrator, found: Outcome, certificate: Certificate) -> To
     shown = certificate
     if found.steps_chosen and np.isfinite(certificate.lower_bound):
         M = integrator.recursion.sensors
-        policies = [np.ascontiguousarray(v[:, :M]) for v in (found.weights, found.root.proof[0])]
+        proving = [found.root.proof[0]] if found.relaxed is None else [found.root.proof[0], found.relaxed.weights]
+        policies = [np.ascontiguousarray(v[:, :M]) for v in (found.weights, *proving)]
         error = max(integrator.halving_error(v) for v in policies)
         shown = Certificate(certificate.cost, certificate.lower_bound - MESHES * error)
     return TopNumbers(float(shown.cost), float(shown.lower_bound), float(shown.relative_gap), "grid")
