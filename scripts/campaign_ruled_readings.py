@@ -78,8 +78,9 @@ def wrong(found: dict) -> bool:
     if found["infeasible"]:
         return not found["right"]
     return (
-        not found["legal"] or found["off"] > 1e-11 or found["above"] > 1e-9 or found["relaxed above"] > 1e-9
-        or found["excess"] > 2e-6 or not found["proven"] or found["switching"] > 1e-12 or found["certify wrong"] > 0
+        found["status"] != "certified" or not found["legal"] or not found["proven"] or found["certify wrong"] > 0
+        or found["off"] > 1e-11 or found["switching"] > 1e-12 or found["excess"] > 2e-6
+        or found["above"] > 1e-9 or found["relaxed above"] > 1e-9
     )  # fmt: skip
 
 

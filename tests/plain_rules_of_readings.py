@@ -6,7 +6,7 @@ A schedule is a list of tuples of sensors, one for every reading. Times count in
 from __future__ import annotations
 
 import copy
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -45,13 +45,19 @@ def with_rules(rng: np.random.Generator, document: dict[str, Any]) -> dict[str, 
         limits["switch_cost"] = float(np.round(rng.uniform(0, 0.3), 3))
     if plain.discrete and some():
         limits["after"] = "enforce"
-    minimise = str(rng.choice(["cost", "cost", "error"]))
+    minimise = str(rng.choice(["cost", "cost", "error", "observation"]))
     if some(0.3) or minimise == "error":
         worst = sum(max(price(s, t, plain) for s in plain.sensors) for t in plain.times) * places
         limits["max_observation_cost"] = float(np.round(worst * rng.uniform(0.2, 0.9), 4))
     d["objective"]["minimise"] = minimise
     d["constraints"] = limits
     d["method"] = {"name": "schedule", "exact": {"max_nodes": 20000}}
+    if minimise == "observation" or some(0.15):
+        # an error that some schedules reach and others do not
+        rules = PlainRules(d)
+        reached = sorted(rules.error.cost(s) for s in islice(rules.plain.schedules(), 400))
+        if reached:
+            limits["max_error"] = reached[int(rng.integers(len(reached)))] * (1 + 1e-6)
     return d
 
 
@@ -98,6 +104,8 @@ class PlainRules:
             return False
         if self.observation(chosen) > limits.get("max_observation_cost", np.inf) * (1 + 1e-9):
             return False
+        if self.error.cost(chosen) > limits.get("max_error", np.inf) * (1 + 1e-9):
+            return False
         return all(self._own(j, s, chosen) for j, s in enumerate(self.plain.sensors))
 
     def _own(self, j: int, sensor: dict, chosen: list[tuple[int, ...]]) -> bool:
@@ -118,5 +126,7 @@ class PlainRules:
 
     def value(self, chosen: list[tuple[int, ...]]) -> float:
         """F: what is minimised."""
-        cost = (self.plain if self.d["objective"]["minimise"] == "cost" else self.error).cost(chosen)
-        return cost + self.switching(chosen)
+        what = self.d["objective"]["minimise"]
+        if what == "observation":
+            return self.observation(chosen) + self.switching(chosen)
+        return (self.plain if what == "cost" else self.error).cost(chosen) + self.switching(chosen)

@@ -38,8 +38,17 @@ class Proof:
     difference: float
     below: float
 
+    @property
+    def _nothing(self) -> bool:
+        return self.certificate.cost == 0.0 == self.certificate.lower_bound
+
     def resolved(self, relative_gap: float) -> bool:
-        """Whether rounding is smaller than a target gap, relative to the cost."""
+        """Whether rounding is smaller than a target gap, relative to the cost.
+
+        Where nothing is spent the cost is 0, as is what no cost lies below: there is nothing to resolve.
+        """
+        if self._nothing:
+            return True
         return max(self.allowance, self.difference) <= relative_gap * abs(self.certificate.cost)
 
     def remark(self, relative_gap: float) -> str:
@@ -51,6 +60,8 @@ class Proof:
         """
         limit = relative_gap * abs(self.certificate.cost)
         text = ""
+        if self._nothing:
+            return text
         if self.allowance > limit:
             text = (
                 f" Rounding alone may move cost and bound by {self.allowance:.3g}, more than the target gap: the data "

@@ -168,6 +168,31 @@ def test_single_readings_prove_the_optimum(seed, bent):
     assert tree.lower_bound >= best * (1 - 2e-6)
 
 
+@pytest.mark.parametrize("places", [1, 2])
+@pytest.mark.parametrize("seed", range(4))
+def test_readings_that_cost_more_than_they_save_are_left_to_idle(seed, places, monkeypatch):
+    """The cheapest schedule takes few readings: a node in which idle must fill the places is no dead end.
+
+    Rounding is made useless, so that no lucky schedule hides a node that was lost.
+    """
+    monkeypatch.setattr(Committed, "round", lambda self, weights, backward=False: self.vertex(weights))
+    r = made(seed, M=4, N=3, prior=10.0)
+    dear = np.full((3, 4), 60.0)
+    dear[0], dear[:, 3] = 0.01, 0.0
+    upper = np.ones((3, 4))
+    upper[:, 3] = places
+    r = replace(r, rows=r.rows[:, :3], offsets=np.array([0, 1, 2, 3, 3]), cost=dear, available=upper)
+    sweep, allowed = Sweep(r), IntervalPolytopes(upper, places)
+    root = minimise_relaxed(sweep, allowed, None, RelaxedOptions(1e-4))
+    ways = [v for v in product((0.0, 1.0), repeat=3) if sum(v) <= places]
+    best = min(sweep.cost(np.array([[*v, places - sum(v)] for v in each])) for each in product(ways, repeat=3))
+    for nodes in (3, 10_000):
+        tree = branch_singly(sweep, allowed, root, 10 * best, TreeLimits(1e-6, 100_000, nodes=nodes), Monitor())
+        assert root.lower_bound <= tree.lower_bound <= best * (1 + 1e-12)
+    assert tree.closed and tree.cost == pytest.approx(best, rel=1e-12)
+    assert tree.weights is not None and np.any(tree.weights[1:, 3] == places)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_committed_weights_stay_and_the_rest_is_nearest_and_cheapest(seed):
     rng = np.random.default_rng(seed)

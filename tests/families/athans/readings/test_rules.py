@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,8 @@ def test_a_document_with_rules_is_read_back_and_its_run_is_certified(tmp_path: P
     assert judgement.cost == pytest.approx(solution.cost, rel=1e-12)
     assert judgement.certificate.lower_bound <= solution.cost * (1 + 1e-9)
     r = solution.result
+    # the plain filter has checked the cost with its changes, or the status would be another
+    assert str(solution.status) == str(judgement.status) == "certified" and r["switching_cost"] == 0.02
     parts = 0.1 * r["observation_cost"] + r["running_cost"] + r["prediction_error"] + r["switching_cost"]
     assert r["cost"] == pytest.approx(parts, rel=1e-12)
 
@@ -130,6 +133,32 @@ def test_caps_on_cost_and_error(tmp_path: Path) -> None:
     with pytest.raises(oc.InfeasibleError):
         oc.solve(problem(tmp_path, SAMPLES, ("{cost_weight: 0.1, ", "{minimise: observation, "),
                          more="constraints: {max_error: 1.0e-6}\n"))  # fmt: skip
+
+
+def test_max_error_holds_the_whole_integral_of_the_running_weight(tmp_path: Path) -> None:
+    """Its constant, which no reading changes, is part of the error that is limited."""
+    running = "output: [[1, 0]], running: {diag: [0.3, 0.1]}}"
+    free = problem(tmp_path, SAMPLES, ("output: [[1, 0]]}", running))
+    errors, prices = {}, {}
+    for word in product((0, 1), repeat=6):
+        r = oc.certify(free, free.make_schedule(free.edges, np.eye(2)[list(word)])).result
+        errors[word], prices[word] = r["running_cost"] + r["prediction_error"], r["observation_cost"]
+    limit = sorted(errors.values())[20] * (1 + 1e-9)
+    cheapest = min(price for word, price in prices.items() if errors[word] <= limit)
+    p = problem(
+        tmp_path, SAMPLES, ("{cost_weight: 0.1, output: [[1, 0]]}", "{minimise: observation, " + running),
+        more=f"constraints: {{max_error: {limit!r}}}\n",
+    )  # fmt: skip
+    r = oc.solve(p).result
+    assert r["running_cost"] + r["prediction_error"] <= limit * (1 + 1e-9)
+    assert r["cost"] == pytest.approx(cheapest, rel=1e-12) and r["proven_optimal"]
+
+
+def test_where_nothing_need_be_read_the_cost_is_zero_and_proven(tmp_path: Path) -> None:
+    p = problem(tmp_path, STEPS, ("{cost_weight: 0.1, ", "{minimise: observation, "),
+                more="constraints: {max_error: 1.0e+3}\n")  # fmt: skip
+    solution = oc.solve(p)
+    assert solution.cost == 0.0 and str(solution.status) == "certified" and "Rounding" not in solution.message
 
 
 def test_a_budget_and_rules_exclude_each_other(tmp_path: Path) -> None:

@@ -247,3 +247,31 @@ def test_what_changes_cost_is_no_part_of_a_budget(tmp_path: Path, limit: str) ->
     r = oc.solve(p).result
     assert r["proven_optimal"] and r["observation_cost"] <= 0.8 + 0.4 * (limit != "max_observation_cost: 0.8")
     assert r["switching_cost"] in (5.0, 10.0)
+
+
+def test_a_slew_that_saves_the_price_of_a_sensor_is_below_no_bound(tmp_path: Path) -> None:
+    """Sensors are so dear that the best schedule turns as long as it may: the relaxation, which always measures, costs
+    more, and its bound has to lose what slewing may save."""
+    p = problem(
+        tmp_path, ("cost: 0.5}", "cost: 500, max_time: 0.5}"), ("cost: 0.2}", "cost: 500, max_time: 0.5}"),
+        more="constraints: {switch_delay: {radar: {sonar: 3.0}, sonar: {radar: 3.0}}}\n"
+        "method: {name: schedule, exact: true}\n",
+    )  # fmt: skip
+    r = oc.solve(p).result
+    assert r["proven_optimal"] and r["observation_cost"] == pytest.approx(500.0)
+    costs = []
+    for letters in ("r------s", "s------r"):
+        weights = np.array([[c == "r", c == "s"] for c in letters], dtype=float)
+        costs.append(oc.certify(p, oc.Schedule(p.edges, weights, ("radar", "sonar"))).cost)
+    assert r["cost"] == pytest.approx(min(costs), rel=1e-9)
+    assert r["relaxed_lower_bound"] <= r["cost"] and r["lower_bound"] <= r["cost"]
+    assert r["continuous"]["lower_bound"] <= r["cost"]
+
+
+def test_the_error_of_the_steps_counts_against_the_error_where_the_observation_is_minimised(tmp_path: Path) -> None:
+    p = problem(
+        tmp_path, (", substeps: 1}", "}"), ("cost: 0.5}", "cost: 5.0e+3}"), ("cost: 0.2}", "cost: 4.0e+3}"),
+        ("{cost_weight: 0.1, ", "{minimise: observation, "), more="constraints: {max_error: 0.6}\n",
+    )  # fmt: skip
+    r = oc.solve(p).result
+    assert r["integration_steps"] >= 4 * r["intervals"]
