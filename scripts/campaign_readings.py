@@ -13,7 +13,9 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,18 +26,27 @@ from tests.plain_readings import PlainReadings, random_document
 MOST_SCHEDULES = 5000
 
 
-def judged(document: dict, most: int = MOST_SCHEDULES) -> dict | None:
-    """What a solve says of a problem beside the truth; None where there are too many schedules."""
-    plain = PlainReadings(document)
-    schedules = []
-    for schedule in plain.schedules():
-        schedules.append(schedule)
-        if len(schedules) > most:
-            return None
+def enumerated(plain: PlainReadings, most: int) -> list | None:
+    """All schedules; None where there are more than `most`."""
+    schedules = list(islice(plain.schedules(), most + 1))
+    return schedules if len(schedules) <= most else None
+
+
+def as_read(document: dict) -> Any:
+    """The problem that a file with this document is."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "p.json"
         path.write_text(json.dumps(document))
-        problem = read_problem(path)
+        return read_problem(path)
+
+
+def judged(document: dict, most: int = MOST_SCHEDULES) -> dict | None:
+    """What a solve says of a problem beside the truth; None where there are too many schedules."""
+    plain = PlainReadings(document)
+    schedules = enumerated(plain, most)
+    if schedules is None:
+        return None
+    problem = as_read(document)
     try:
         solution = solve(problem)
     except InfeasibleError:

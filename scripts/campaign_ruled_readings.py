@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import json
 import sys
-import tempfile
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 
-from occontrol.api import certify, read_problem, solve
+from occontrol.api import certify, solve
 from occontrol.core.errors import InfeasibleError, ProblemError
+from scripts.campaign_readings import as_read, enumerated
 from tests.plain_readings import random_document
 from tests.plain_rules_of_readings import PlainRules, with_rules
 
@@ -26,16 +25,11 @@ MOST_SCHEDULES = 800
 def judged(document: dict, most: int = MOST_SCHEDULES, tried: int = 3) -> dict | None:
     """What solve and certify say beside the truth; None where there are too many schedules."""
     plain = PlainRules(document)
-    everything = []
-    for schedule in plain.plain.schedules():
-        everything.append(schedule)
-        if len(everything) > most:
-            return None
+    everything = enumerated(plain.plain, most)
+    if everything is None:
+        return None
     kept = [s for s in everything if plain.keeps(s)]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "p.json"
-        path.write_text(json.dumps(document))
-        problem = read_problem(path)
+    problem = as_read(document)
     try:
         solution = solve(problem)
     except InfeasibleError:

@@ -10,6 +10,7 @@ import pytest
 
 import occontrol as oc
 from scripts.campaign_ruled_readings import judged, wrong
+from tests.families.athans.problem_texts import written
 from tests.plain_readings import random_document
 from tests.plain_rules_of_readings import with_rules
 
@@ -39,15 +40,6 @@ method: {name: schedule, exact: true}
 """
 
 
-def problem(tmp_path: Path, text: str, *changes: tuple[str, str], more: str = "") -> object:
-    for old, new in changes:
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
-    path = tmp_path / "x.yaml"
-    path.write_text(text + more)
-    return oc.read_problem(path)
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_the_optimum_of_enumeration_is_found_and_proven(seed: int) -> None:
     rng, found = np.random.default_rng(100 + seed), []
@@ -58,7 +50,7 @@ def test_the_optimum_of_enumeration_is_found_and_proven(seed: int) -> None:
 
 
 def test_max_uses_counts_readings_and_is_named_with_the_time(tmp_path: Path) -> None:
-    p = problem(tmp_path, SAMPLES, ("cost: 0.5}", "cost: 0, max_uses: 2}"))
+    p = written(tmp_path, SAMPLES, ("cost: 0.5}", "cost: 0, max_uses: 2}"))
     solution = oc.solve(p)
     r = solution.result
     assert solution.arrays["weights"][:, 0].sum() == 2 and r["proven_optimal"]
@@ -71,7 +63,7 @@ def test_max_uses_counts_readings_and_is_named_with_the_time(tmp_path: Path) -> 
 
 def test_a_document_with_rules_is_read_back_and_its_run_is_certified(tmp_path: Path) -> None:
     limits = "constraints: {max_switches: 2, switch_cost: 0.01, min_off: 2, after: enforce}\n"
-    p = problem(tmp_path, STEPS, ("cost: 0.5}", "cost: 0.5, min_on: 2, max_time: 4}"), more=limits)
+    p = written(tmp_path, STEPS, ("cost: 0.5}", "cost: 0.5, min_on: 2, max_time: 4}"), more=limits)
     assert oc.document(p)["constraints"]["max_switches"] == 2
     solution = oc.solve(p)
     oc.write_run(tmp_path / "run", p, solution)
@@ -92,7 +84,7 @@ def test_a_document_with_rules_is_read_back_and_its_run_is_certified(tmp_path: P
 )
 def test_samples_know_no_rules_of_times(tmp_path: Path, key: str) -> None:
     with pytest.raises(oc.ProblemError) as error:
-        problem(tmp_path, SAMPLES, ("cost: 0.5}", f"cost: 0.5, {key}}}"))
+        written(tmp_path, SAMPLES, ("cost: 0.5}", f"cost: 0.5, {key}}}"))
     name = key.split(":")[0]
     assert f"{name} is a time, and samples are instants" in str(error.value) and "x.yaml:7:" in str(error.value)
     assert error.value.exit_code == 3
@@ -100,7 +92,7 @@ def test_samples_know_no_rules_of_times(tmp_path: Path, key: str) -> None:
 
 def test_steps_lost_to_a_slew_are_empty_and_the_filter_follows(tmp_path: Path) -> None:
     limits = "constraints: {switch_delay: {radar: {sonar: 1}, sonar: {radar: 1}}, max_switches: 2}\n"
-    p = problem(
+    p = written(
         tmp_path, STEPS, ("  - idle\n", ""), ("cost: 0.5}", "cost: 0.5, max_time: 3, warm_up: 1}"), more=limits
     )
     solution = oc.solve(p)
@@ -119,33 +111,33 @@ def test_steps_lost_to_a_slew_are_empty_and_the_filter_follows(tmp_path: Path) -
 
 
 def test_caps_on_cost_and_error(tmp_path: Path) -> None:
-    capped = problem(tmp_path, SAMPLES, ("{cost_weight: 0.1, ", "{minimise: error, "),
+    capped = written(tmp_path, SAMPLES, ("{cost_weight: 0.1, ", "{minimise: error, "),
                      more="constraints: {max_observation_cost: 1.8}\n")  # fmt: skip
     r = oc.solve(capped).result
     assert r["proven_optimal"] and r["observation_cost"] <= 1.8 * (1 + 1e-9)
     assert r["cost"] == pytest.approx(r["prediction_error"], rel=1e-12)
     limit = r["cost"] * 1.01
-    cheapest = problem(tmp_path, SAMPLES, ("{cost_weight: 0.1, ", "{minimise: observation, "),
+    cheapest = written(tmp_path, SAMPLES, ("{cost_weight: 0.1, ", "{minimise: observation, "),
                        more=f"constraints: {{max_error: {limit!r}}}\n")  # fmt: skip
     s = oc.solve(cheapest).result
     assert s["cost"] == pytest.approx(s["observation_cost"], rel=1e-12) and s["prediction_error"] <= limit * (1 + 1e-9)
     assert s["cost"] <= r["observation_cost"] * (1 + 1e-9)
     with pytest.raises(oc.InfeasibleError):
-        oc.solve(problem(tmp_path, SAMPLES, ("{cost_weight: 0.1, ", "{minimise: observation, "),
+        oc.solve(written(tmp_path, SAMPLES, ("{cost_weight: 0.1, ", "{minimise: observation, "),
                          more="constraints: {max_error: 1.0e-6}\n"))  # fmt: skip
 
 
 def test_max_error_holds_the_whole_integral_of_the_running_weight(tmp_path: Path) -> None:
     """Its constant, which no reading changes, is part of the error that is limited."""
     running = "output: [[1, 0]], running: {diag: [0.3, 0.1]}}"
-    free = problem(tmp_path, SAMPLES, ("output: [[1, 0]]}", running))
+    free = written(tmp_path, SAMPLES, ("output: [[1, 0]]}", running))
     errors, prices = {}, {}
     for word in product((0, 1), repeat=6):
         r = oc.certify(free, free.make_schedule(free.edges, np.eye(2)[list(word)])).result
         errors[word], prices[word] = r["running_cost"] + r["prediction_error"], r["observation_cost"]
     limit = sorted(errors.values())[20] * (1 + 1e-9)
     cheapest = min(price for word, price in prices.items() if errors[word] <= limit)
-    p = problem(
+    p = written(
         tmp_path, SAMPLES, ("{cost_weight: 0.1, output: [[1, 0]]}", "{minimise: observation, " + running),
         more=f"constraints: {{max_error: {limit!r}}}\n",
     )  # fmt: skip
@@ -155,7 +147,7 @@ def test_max_error_holds_the_whole_integral_of_the_running_weight(tmp_path: Path
 
 
 def test_where_nothing_need_be_read_the_cost_is_zero_and_proven(tmp_path: Path) -> None:
-    p = problem(tmp_path, STEPS, ("{cost_weight: 0.1, ", "{minimise: observation, "),
+    p = written(tmp_path, STEPS, ("{cost_weight: 0.1, ", "{minimise: observation, "),
                 more="constraints: {max_error: 1.0e+3}\n")  # fmt: skip
     solution = oc.solve(p)
     assert solution.cost == 0.0 and str(solution.status) == "certified" and "Rounding" not in solution.message
@@ -163,13 +155,13 @@ def test_where_nothing_need_be_read_the_cost_is_zero_and_proven(tmp_path: Path) 
 
 def test_a_budget_and_rules_exclude_each_other(tmp_path: Path) -> None:
     with pytest.raises(oc.ProblemError) as error:
-        problem(tmp_path, SAMPLES, more="budget: {total: 3}\nconstraints: {max_switches: 1}\n")
+        written(tmp_path, SAMPLES, more="budget: {total: 3}\nconstraints: {max_switches: 1}\n")
     assert "a budget is of exact numbers of readings" in str(error.value)
 
 
 @pytest.mark.parametrize("name", ["hminimal", "best-single", "round-robin", "random", "greedy", "relaxed"])
 def test_other_methods_obey_the_rules(tmp_path: Path, name: str) -> None:
-    p = problem(tmp_path, STEPS, more="constraints: {max_switches: 2, min_on: 2}\n")
+    p = written(tmp_path, STEPS, more="constraints: {max_switches: 2, min_on: 2}\n")
     solution, best = oc.solve(p, name), oc.solve(p)
     assert solution.result["constraints"]["satisfied"]
     assert solution.result["lower_bound"] <= best.cost * (1 + 1e-9)

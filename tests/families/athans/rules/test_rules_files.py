@@ -10,6 +10,7 @@ import pytest
 import occontrol as oc
 from occontrol.families.athans.discretise import discretise
 from occontrol.scheduling.sweep import Sweep
+from tests.families.athans.problem_texts import written
 
 DATA = Path(__file__).resolve().parents[3] / "data" / "rules"
 BASE = """\
@@ -25,13 +26,7 @@ objective: {cost_weight: 0.1, output: [[1, 0]]}
 
 
 def problem(tmp_path: Path, *changes: tuple[str, str], more: str = "") -> object:
-    text = BASE
-    for old, new in changes:
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
-    path = tmp_path / "x.yaml"
-    path.write_text(text + more)
-    return oc.read_problem(path)
+    return written(tmp_path, BASE, *changes, more=more)
 
 
 @pytest.mark.parametrize("path", sorted(DATA.glob("*.json")), ids=lambda path: path.stem)
