@@ -40,6 +40,7 @@ def filter_measurements(
     """Estimate the state, and predict the output, from a file of measurements; the run folder is all it needs."""
     from occontrol.api import family_of, read_measurements, read_run, run_filter
     from occontrol.core.errors import ProblemError
+    from occontrol.core.state_labels import state_names
     from occontrol.files.atomic import refuse_same
     from occontrol.files.run_record import refuse_run_files
     from occontrol.files.tables import write_estimate
@@ -57,7 +58,7 @@ def filter_measurements(
     except ProblemError as error:
         raise ProblemError([_in_file(m, measurements) for m in error.mistakes]) from None
     known = None if source is None else read_truth(source, estimate.times, estimate.mean.shape[1])
-    write_estimate(out, estimate)
+    write_estimate(out, estimate, state_names(problem))
     for remark in estimate.notes:
         note(remark)
     if known is not None:

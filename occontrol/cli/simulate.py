@@ -26,6 +26,7 @@ def simulate(
     from occontrol.api import simulate as call_simulate
     from occontrol.cli.watch import watched
     from occontrol.core.errors import FileAccessError, ProblemError
+    from occontrol.core.state_labels import state_names
     from occontrol.files.atomic import refuse_same
     from occontrol.files.run_folder import RESULT, check_writable
     from occontrol.files.run_record import refuse_run_files
@@ -54,6 +55,6 @@ def simulate(
             raise KeyboardInterrupt
     measurements, truth = call_simulate(problem, solution, seed)
     write_measurements(out, measurements)
-    write_truth(beside, truth)
+    write_truth(beside, truth, state_names(problem))
     note(f"{len(measurements)} measurements in {out}, the truth in {beside}")
     return 0

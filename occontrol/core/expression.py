@@ -8,11 +8,12 @@ instead of occupying the machine.
 from __future__ import annotations
 
 import ast
+import keyword
 import math
 import operator
 import unicodedata
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 
 from occontrol.core.errors import ProblemError, suggest
@@ -45,6 +46,25 @@ _BINARY = {
     ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }
+
+
+TIME = ("t", "k")  # what formulas call time and step
+
+
+def reserved(name: str) -> str:
+    """What a name already stands for in formulas; empty where it is free.
+
+    Parameters
+    ----------
+    name : a word
+    """
+    if name in FUNCTIONS:
+        return "a function of formulas"
+    if name in CONSTANTS:
+        return f"the number {CONSTANTS[name]:.6g} in formulas"
+    if name in TIME:
+        return "time in formulas"
+    return "a word of formulas" if keyword.iskeyword(name) else ""
 
 
 def _fail(text: str, what: str, hint: str = "") -> ProblemError:
@@ -107,14 +127,14 @@ class Expression:
 
     def __init__(self, text: str, variables: Sequence[str] = ("t",)):
         self.text, self.variables = text, tuple(variables)
-        self._tree = _parse(text)
+        self.tree = _parse(text)
         self.used: frozenset[str] = frozenset()
         self._check()
 
     def _check(self) -> None:
         used = set()
         callees = set()
-        for node in ast.walk(self._tree):
+        for node in ast.walk(self.tree):
             if isinstance(node, ast.Constant):
                 if isinstance(node.value, bool) or not isinstance(node.value, int | float):
                     raise _fail(self.text, f"contains {node.value!r}, which is not a number")
@@ -167,12 +187,12 @@ class Expression:
 
     def casadi(self, symbols: dict[str, Casadi]) -> Casadi:
         """The formula rebuilt over CasADi symbols, one for each name in `variables`."""
-        return _build(self._tree, symbols)
+        return _build(self.tree, symbols)
 
     @cached_property
     def suspects(self) -> list[tuple[ast.expr, str]]:
         """Subformulas at whose zeros the formula may be infinite."""
-        return suspects(self._tree)
+        return suspects(self.tree)
 
     def casadi_suspects(self, symbols: dict[str, Casadi]) -> list[Casadi]:
         """The suspects over CasADi symbols."""
@@ -202,6 +222,23 @@ def _build(node: ast.expr, symbols: dict[str, Casadi]) -> Casadi:
     for value in values[2:]:
         result = function(result, value)
     return result
+
+
+def value_of(text: str, values: Mapping[str, float] | None = None) -> float:
+    """The number that a formula is, with numbers in place of names.
+
+    Parameters
+    ----------
+    text : a formula of nothing but `values`
+    values : the names that it may use, each in its own unit
+
+    Raises ProblemError where `text` is not a formula of these.
+    """
+    import casadi
+
+    symbols = {name: casadi.SX(value) for name, value in (values or {}).items()}
+    result = parse_expression(text, tuple(symbols)).casadi(symbols)
+    return float(casadi.Function("number", [], [result])()["o0"])
 
 
 @lru_cache(maxsize=4096)

@@ -11,6 +11,7 @@ from occontrol.core.checks import check_covariance, check_shape
 from occontrol.core.errors import Collector, Mistake, ProblemError
 from occontrol.core.kinds import ArrayField, OptionalSignalField, SignalField, VectorField, unless_given
 from occontrol.core.signal import Signal, as_signal
+from occontrol.core.state_labels import wrong_labels
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,7 @@ class LinearPlant:
     mean : (n,) initial mean, in state units; zero if left out
     B : (n, r) input matrix, [state unit]/([input unit] time), optional
     input : (r,) entries u(t), in input units, numbers or formulas of t; needed when B is given
+    names, units : what the states are called and their units, n each, for formulas and labels; x1, x2, .. if left out
 
     Raises ProblemError naming every matrix of the wrong shape or definiteness.
     Athans (1971), equations (2.1)-(2.8).
@@ -38,6 +40,8 @@ class LinearPlant:
     mean: VectorField = unless_given(None)
     B: OptionalSignalField = unless_given(None)
     input: OptionalSignalField = unless_given(None)
+    names: Sequence[str] = ()
+    units: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         found = Collector()
@@ -77,6 +81,7 @@ class LinearPlant:
                 mistakes += check_shape("input", shape, self.B.shape[1], 1, ("input",), hint)
         elif self.input is not None:
             mistakes.append(Mistake(("input",), "input is given without B", "add B, one column per entry of input"))
+        mistakes += wrong_labels(self.names, self.units, n)
         if mistakes:
             raise ProblemError(mistakes)
 
@@ -106,6 +111,7 @@ class DiscretePlant:
         singular)
     mean : (n,) initial mean, in state units; zero if left out
     G : (n, p) noise input matrix, [state unit]/[unit of w]; the identity if left out
+    names, units : what the states are called and their units, n each, for formulas and labels; x1, x2, .. if left out
 
     Raises ProblemError naming every matrix of the wrong shape or definiteness.
     Oshman (1994), equation (1).
@@ -116,6 +122,8 @@ class DiscretePlant:
     covariance: ArrayField
     mean: VectorField = unless_given(None)
     G: OptionalSignalField = unless_given(None)
+    names: Sequence[str] = ()
+    units: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         found = Collector()
@@ -144,6 +152,7 @@ class DiscretePlant:
             mistakes.append(Mistake(("mean",), f"mean has {entries}, {hint}", "one entry per state"))
         elif not np.all(np.isfinite(mean)):
             mistakes.append(Mistake(("mean",), "mean is not finite"))
+        mistakes += wrong_labels(self.names, self.units, n)
         if mistakes:
             raise ProblemError(mistakes)
 
@@ -157,8 +166,3 @@ class DiscretePlant:
         """The functions of k, by name."""
         named = {"F": self.F, "G": self.G, "Q": self.Q}
         return {name: signal for name, signal in named.items() if signal is not None}
-
-
-def state_names(count: int) -> Sequence[str]:
-    """x1, x2, ... as they are called in every output file."""
-    return [f"x{i + 1}" for i in range(count)]

@@ -32,7 +32,8 @@ class LoadedDocument:
 
     def build(self, check: Callable[[BaseProblem], list[Mistake]] | None = None) -> BaseProblem:
         """The family's problem; ProblemError with every mistake, those of `check` too, and its place."""
-        from occontrol.files.schema.common import Context, validate
+        from occontrol.files.schema.common import Context
+        from occontrol.files.schema.validation import validate
 
         context = Context(self.text.data, self.path.parent, self.path.stem)
         context.found.mistakes += self.text.mistakes

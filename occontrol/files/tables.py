@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from occontrol.core.measurement import Estimate, Measurement
+from occontrol.core.state_labels import default_names
 from occontrol.core.trajectory import Trajectory
 from occontrol.files.atomic import replacing_text
 from occontrol.files.spreadsheet import Numbers, as_text
@@ -52,28 +53,30 @@ def write_measurements(path: str | Path, measurements: Sequence[Measurement]) ->
     return write_table(path, ["t", "sensor", *(f"z{i + 1}" for i in range(width))], rows)
 
 
-def write_truth(path: str | Path, truth: Trajectory) -> Path:
+def write_truth(path: str | Path, truth: Trajectory, names: Sequence[str] = ()) -> Path:
     """Write a true trajectory: t, x1, x2, ..
 
     Parameters
     ----------
     path : the file
     truth : Trajectory with values (N+1, n)
+    names : of the states; x1, x2, .. if left out
     """
-    names = [f"x{i + 1}" for i in range(truth.values.shape[1])]
+    names = names or default_names(truth.values.shape[1])
     return write_table(path, ["t", *names], ([float(t), *x] for t, x in zip(truth.times, truth.values, strict=True)))
 
 
-def write_estimate(path: str | Path, estimate: Estimate) -> Path:
+def write_estimate(path: str | Path, estimate: Estimate, names: Sequence[str] = ()) -> Path:
     """Write what a filter found: t, x1.., sd_x1.., w1.., sd_w1.., nis, and where known w1_now.., sd_w1_now...
 
     Parameters
     ----------
     path : the file
     estimate : Estimate
+    names : of the states, in place of x1, x2, ..
     """
-    n, p = estimate.mean.shape[1], estimate.predicted.shape[1]
-    header = ["t", *(f"x{i + 1}" for i in range(n)), *(f"sd_x{i + 1}" for i in range(n))]
+    p, names = estimate.predicted.shape[1], names or default_names(estimate.mean.shape[1])
+    header = ["t", *names, *(f"sd_{name}" for name in names)]
     header += [*(f"w{i + 1}" for i in range(p)), *(f"sd_w{i + 1}" for i in range(p)), "nis"]
     parts = [estimate.times[:, None], estimate.mean, estimate.standard_deviation]
     parts += [estimate.predicted, estimate.predicted_deviation, estimate.nis[:, None]]

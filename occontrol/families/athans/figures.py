@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from occontrol.core.plant import state_names
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
+from occontrol.core.state_labels import state_labels
 from occontrol.families.athans.discretise import half_predicts
 from occontrol.families.athans.figures_compare import draw_compare
 from occontrol.families.athans.overview import compress, convergence, overview, subtitle
@@ -98,7 +98,7 @@ def _draw_schedule(axes: Axes, problem: SchedulingProblem, solution: Solution, l
 def _draw_states(axes: Axes, problem: SchedulingProblem, solution: Solution, label: bool = True) -> None:
     times, covariance = solution.arrays["times"], solution.arrays["covariance"]
     deviation = np.sqrt(np.maximum(np.einsum("kii->ki", covariance), 0.0))
-    names = state_names(problem.states)
+    names = state_labels(problem)
     axes.set_title("standard deviation of the estimation error")
     if problem.states <= style.MOST_LINES:
         curves_panel(axes, times, deviation, names, "deviation")

@@ -37,6 +37,7 @@ from occontrol.files.schema.common import (
     Expect,
     Matrix,
     Method,
+    ProblemDocument,
     Strict,
     Whole,
     options_document,
@@ -83,11 +84,10 @@ class Objective(Strict):
     minimise: Literal["cost", "error", "observation"] = "cost"
 
 
-class Document(Strict):
+class Document(ProblemDocument):
     """A problem file of the family athans."""
 
     family: Literal["athans"]
-    name: str | None = None
     horizon: Horizon = Field(description="horizon: {end: .., intervals: ..}")
     plant: Plant = Field(description="plant: {A: .., noise: .., initial: {..}}")
     sensors: list[AnySensor] = Field(
@@ -125,9 +125,9 @@ def build(
     edges = _edges(document.horizon, context)
     method = None if document.method is None else context.method(document.method, METHODS)
     expect = context.expect(document.expect)
+    plant = plant_of(document.plant, context)  # first: what follows may name its states
     output = context.signal(objective.output, "objective", "output")
     running = None if objective.running is None else context.signal(objective.running, "objective", "running")
-    plant = plant_of(document.plant, context)
     states = 1 if plant is None else plant.states
     sensors = [_sensor(entry, j, states, context) for j, entry in enumerate(document.sensors)]
     select = select_of(document.select, context)

@@ -10,9 +10,9 @@ from pydantic import Field, WithJsonSchema
 
 from occontrol.core.errors import Path
 from occontrol.core.kinds import Plain, PlainDict
-from occontrol.core.plant import LinearPlant
+from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.signal import ConstantSignal, Signal
-from occontrol.files.schema.common import Context, Entries, Matrix, Strict, Vector, prune
+from occontrol.files.schema.common import Context, Entries, Labels, Matrix, Strict, Vector, prune
 from occontrol.files.schema.words import shown
 
 RANGE = re.compile(r"\s*([0-9]{1,9})\s*\.\.\s*([0-9]{1,9})\s*", re.ASCII)
@@ -38,6 +38,8 @@ class Initial(Strict):
 
 
 class Plant(Strict):
+    states: Labels = None
+    units: Labels = None
     A: Matrix = Field(description="A: a list of rows")
     B: Matrix = None
     input: Entries = None
@@ -84,6 +86,7 @@ def plant_of(entry: Plant, context: Context) -> LinearPlant | None:
         "B": None if entry.B is None else context.signal(entry.B, "plant", "B"),
         "input": None if entry.input is None else context.entries(entry.input, "plant", "input"),
     }
+    labels = {"names": tuple(entry.states or ()), "units": tuple(entry.units or ())}
     lost = (entry.B is not None and parts["B"] is None) or (entry.input is not None and parts["input"] is None)
     if A is None:
         others = [part.shape[0] for part in (parts["noise"], parts["covariance"]) if part is not None]
@@ -98,7 +101,7 @@ def plant_of(entry: Plant, context: Context) -> LinearPlant | None:
     for key in ("noise", "covariance"):
         parts[key] = stand_in[key] if parts[key] is None else parts[key]
     known = len(context.found.mistakes)
-    plant = context.attempt(LinearPlant, "plant", A=A, **parts)
+    plant = context.attempt(LinearPlant, "plant", A=A, **parts, **labels)
     if plant is None:
         fresh = context.found.mistakes[known:]
         bad = {m.path[1] for m in fresh if len(m.path) > 1}
@@ -115,6 +118,7 @@ def plant_document(plant: LinearPlant) -> PlainDict:
     """The plant as it stands in a problem file."""
     return prune(
         {
+            **labels_document(plant),
             "A": plant.A.document(),
             "B": or_none(plant.B),
             "input": _input(plant.input),
@@ -122,6 +126,16 @@ def plant_document(plant: LinearPlant) -> PlainDict:
             "initial": {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()},
         }
     )
+
+
+def labels_document(plant: LinearPlant | DiscretePlant) -> PlainDict:
+    """Names and units of the states as they stand in a problem file.
+
+    Parameters
+    ----------
+    plant : whose states are named, or not
+    """
+    return {"states": list(plant.names) or None, "units": list(plant.units) or None}
 
 
 def or_none(signal: Signal | None) -> Plain:

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from occontrol.core.errors import plural
-from occontrol.core.plant import state_names
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
+from occontrol.core.state_labels import state_labels
 from occontrol.families.hybrid.problem import Problem
 from occontrol.families.hybrid.result import numbers_of
 from occontrol.families.hybrid.text import plus_minus
@@ -165,7 +165,7 @@ def trajectory_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     solution : Solution
     """
     truth, estimate, times = (solution.arrays[name] for name in ("truth", "estimate", "times"))
-    position, names = list(problem.position or ()), state_names(problem.plant.states)
+    position, names = list(problem.position or ()), state_labels(problem)
     if len(position) == 2:
         a, b = position
         axes.plot(truth[:, a], truth[:, b], color=style.INK, label="truth")

@@ -20,6 +20,7 @@ from occontrol.files.schema.common import (
     Expect,
     Matrix,
     Method,
+    ProblemDocument,
     Strict,
     Vector,
     Whole,
@@ -98,11 +99,10 @@ class Simulation(Strict):
     truth: TruthEntry = TruthEntry()
 
 
-class Document(Strict):
+class Document(ProblemDocument):
     """A problem file of the family hybrid."""
 
     family: Literal["hybrid"]
-    name: str | None = None
     horizon: Horizon = Field(description="horizon: {steps: ..}")
     modes: list[ModeEntry] = Field(description="modes: a list of {name: .., A: .., F: .., W: ..}", min_length=1)
     transition: Transition = Field(description="transition: {matrix: [[..]]} or {guards: [..], threshold: {..}}")

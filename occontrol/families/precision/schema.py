@@ -41,18 +41,17 @@ from occontrol.files.schema.common import (
     Expect,
     Matrix,
     Method,
-    Strict,
+    ProblemDocument,
     Whole,
     options_document,
     prune,
 )
 
 
-class Document(Strict):
+class Document(ProblemDocument):
     """A problem file of the family precision."""
 
     family: Literal["precision"]
-    name: str | None = None
     plant: Plant | None = None
     measurement: Measurement | None = None
     initial: Initial | None = None

@@ -15,7 +15,7 @@ from occontrol.families.precision.moments import Moments
 from occontrol.families.precision.plant import LARGEST_SIZE, NonlinearPlant
 from occontrol.families.precision.unscented import UnscentedFilter
 from occontrol.files.schema.common import Context, Entries, Matrix, Strict, Whole
-from occontrol.files.schema.matrices import ENTRY, MATRIX_SCHEMA
+from occontrol.files.schema.matrix_forms import ENTRY, MATRIX_SCHEMA
 from occontrol.files.schema.words import shown, suggest
 
 FILTERS = {"enkf": EnsembleFilter, "ukf": UnscentedFilter}

@@ -19,6 +19,7 @@ from occontrol.files.schema.common import (
     Expect,
     Matrix,
     Method,
+    ProblemDocument,
     Strict,
     Vector,
     Whole,
@@ -69,11 +70,10 @@ AnySize = Annotated[
 ]
 
 
-class Document(Strict):
+class Document(ProblemDocument):
     """A problem file of the family robust."""
 
     family: Literal["robust"]
-    name: str | None = None
     horizon: Horizon = Field(description="horizon: {end: .., slots: ..}")
     plant: Plant = Field(description="plant: {A: .., B: .., K: .., initial: {..}}")
     sensors: list[AnySensor] = Field(description="sensors: a list of {name: .., C: ..}", min_length=1)

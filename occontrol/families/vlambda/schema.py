@@ -17,8 +17,10 @@ from occontrol.families.vlambda.sensor import DiscreteSensor, LocatedMatrix, Reg
 from occontrol.files.schema.common import (
     Context,
     Expect,
+    Labels,
     Matrix,
     Method,
+    ProblemDocument,
     Strict,
     Vector,
     Whole,
@@ -39,6 +41,8 @@ class Initial(Strict):
 
 
 class Plant(Strict):
+    states: Labels = None
+    units: Labels = None
     F: Matrix = Field(description="F: a list of rows")
     G: Matrix = None
     Q: Matrix = Field(description="Q: the covariance of the plant noise")
@@ -74,11 +78,10 @@ AnyCriterion = Annotated[
 ]
 
 
-class Document(Strict):
+class Document(ProblemDocument):
     """A problem file of the family vlambda."""
 
     family: Literal["vlambda"]
-    name: str | None = None
     horizon: Horizon = Field(description="horizon: {steps: .., epoch: ..}")
     plant: Plant = Field(description="plant: {F: .., Q: .., initial: {..}}")
     sensors: list[SensorEntry] = Field(description="sensors: a list of {name: .., H: .., R: ..}", min_length=1)
@@ -144,7 +147,8 @@ def _plant(entry: Plant, context: Context) -> DiscretePlant | None:
         given |= {"G": None, "Q": None}
     known = len(context.found.mistakes)
     values = {key: stand_in[key] if value is None else value for key, value in given.items()}
-    plant = context.attempt(DiscretePlant, "plant", F=F, **values)
+    labels = {"names": tuple(entry.states or ()), "units": tuple(entry.units or ())}
+    plant = context.attempt(DiscretePlant, "plant", F=F, **values, **labels)
     if plant is None:
         fresh = context.found.mistakes[known:]
         bad = {m.path[1] for m in fresh if len(m.path) > 1}
@@ -195,6 +199,8 @@ def document(problem: Problem) -> PlainDict:
         "horizon": {"steps": problem.steps, "epoch": problem.epoch},
         "plant": prune(
             {
+                "states": list(plant.names) or None,
+                "units": list(plant.units) or None,
                 "F": plant.F.document(),
                 "G": None if plant.G is None else plant.G.document(),
                 "Q": plant.Q.document(),

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from occontrol.core.measurement import Estimate
-from occontrol.core.plant import state_names
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
+from occontrol.core.state_labels import state_labels
 from occontrol.core.trajectory import Trajectory
 from occontrol.files.figures import style
 from occontrol.numerics.consistency import average_band, judge_run
@@ -63,7 +63,7 @@ def _estimates(problem, schedule: Schedule | None, estimate: Estimate, truth: Tr
         axes.plot(estimate.times, line, color=style.ACCENT, lw=1.2)
         if truth is not None:
             axes.axhline(0, color=style.GREY, lw=0.6)
-        axes.set_ylabel(("error of " if truth is not None else "") + state_names(n)[i])
+        axes.set_ylabel(("error of " if truth is not None else "") + state_labels(problem)[i])
         _zoom(axes, middle, band)
         _passes(axes, problem, schedule)
         last = i == shown - 1 or (i + 1) % rows == 0

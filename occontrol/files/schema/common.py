@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 import typing
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import Annotated, Any, get_origin
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, WithJsonSchema
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError, WithJsonSchema
 
-from occontrol.core.errors import Collector, Path, ProblemError
+from occontrol.core.errors import Collector, Path
 from occontrol.core.kinds import PlainDict
 from occontrol.core.signal import Signal
 from occontrol.files.plain_json import plain as plain  # for the schemas of the families
-from occontrol.files.schema.matrices import ENTRY, MATRIX_SCHEMA, MatrixReader
+from occontrol.files.schema.constants import Constants as ConstantValues
+from occontrol.files.schema.matrices import MatrixReader
+from occontrol.files.schema.matrix_forms import ENTRY, MATRIX_SCHEMA
 from occontrol.files.schema.tables import TableFiles
-from occontrol.files.schema.words import model_at, real_path, shown, spell, suggest, translate, value_at
-
-Model = typing.TypeVar("Model", bound=BaseModel)
+from occontrol.files.schema.words import shown, spell, suggest, translate, value_at
 
 
 class Strict(BaseModel):
@@ -59,8 +58,26 @@ Method = Annotated[
 ]
 """A method's name, or {name: .., its options}; `Context.method` reads it."""
 
+Constants = Annotated[
+    Any,
+    Field(description="constants: {q: 0.3, drag: 2*q}, numbers for every formula"),
+    WithJsonSchema({"type": "object", "additionalProperties": {"type": ["number", "string"]}}),
+]
+"""Numbers with names; `Context` works them out and puts them into every formula."""
+
+Labels = Annotated[list[str] | None, Field(description="a list of words, one per state")]
+"""Names, or units, of the states."""
+
 Expect = Annotated[Any, WithJsonSchema({"type": "object"})]
 """The known answer and its source; `Context.expect` reads it."""
+
+
+class ProblemDocument(Strict):
+    """What the problem files of all families begin with."""
+
+    family: str
+    name: str | None = None
+    constants: Constants = None
 
 
 class Context:
@@ -79,7 +96,9 @@ class Context:
     def __init__(self, data: object, folder: FilePath | None = None, stem: str = "problem"):
         self.data, self.stem, self.found = data, stem, Collector()
         self.tables = TableFiles(folder, self.found)
-        self.reader = MatrixReader(self.found, self.tables.load, self.name)
+        names = states_in(data)
+        constants = ConstantValues(value_at(data, ("constants",)), self.found, names)
+        self.reader = MatrixReader(self.found, self.tables.load, self.name, constants, names)
 
     def name(self, path: Path) -> str:
         """What the user calls the thing at a path: "C of sensor 'radar'"."""
@@ -195,73 +214,20 @@ class Context:
         return value
 
 
+def states_in(data: object) -> tuple[str, ...]:
+    """The names that a document gives its states; none where they are no list of words.
+
+    Parameters
+    ----------
+    data : the plain document
+    """
+    given = value_at(data, ("plant", "states"))
+    words = isinstance(given, list) and all(isinstance(name, str) for name in given)
+    return tuple(given) if words else ()
+
+
 def _known(methods: typing.Mapping[str, type]) -> str:
     return "known: " + ", ".join(methods)
-
-
-def validate(model: type[Model], data: object, found: Collector, lacking: set[Path]) -> Model:
-    """The document as a `model`; all mistakes are reported together.
-
-    What is wrong but could be left out (unknown keys, optional values) is noted in `found` and left out; what is absent
-    is noted, gets a stand-in and goes to `lacking`: whatever is said about a stand-in later means nothing. So the rest
-    is still checked. Where nothing can stand in, raises ProblemError.
-    """
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        found.mistakes += translate(error, model, data)
-        errors = error.errors(include_url=False)
-    data = copy.deepcopy(data)
-    for _ in range(5):  # a stand-in may itself lack something
-        absent = [real_path(e["loc"], data) for e in errors if e["type"] == "missing"]
-        wrong = [real_path(e["loc"], data) for e in errors if e["type"] != "missing"]
-        stand_ins = {path for path in absent if _stand_in(model, data, path)}
-        lacking |= stand_ins
-        data = _without(data, [p for p in wrong if p] + [p[:-1] for p in absent if p not in stand_ins and p[:-1]])
-        try:
-            return model.model_validate(data)
-        except ValidationError as error:
-            errors = error.errors(include_url=False)
-    raise ProblemError(found.mistakes) from None
-
-
-def _stand_in(model: type[BaseModel], data: object, path: Path) -> bool:
-    """Put something harmless where a value is missing; False when nothing is."""
-    owner, inside = model_at(model, path[:-1]), value_at(data, path[:-1])
-    field = owner.model_fields.get(str(path[-1])) if owner else None
-    if field is None or not isinstance(inside, dict):
-        return False
-    if model_at(model, path) is not None and get_origin(field.annotation) is not list:
-        inside[path[-1]] = {}
-    elif field.annotation is str:
-        inside[path[-1]] = spell(path[:-1])
-    elif field.annotation is Any:
-        inside[path[-1]] = None
-    else:
-        return False
-    return True
-
-
-def _without(data: object, paths: list[Path]) -> object:
-    """A copy in which the nearest key above each path is left out."""
-    if not isinstance(data, dict):
-        return data
-    result = {}
-    beneath: dict[str | int, list[Path]] = {}
-    for p in paths:
-        if p:
-            beneath.setdefault(p[0], []).append(p[1:])
-    for key, value in data.items():
-        below = beneath.get(key, [])
-        if any(not any(isinstance(step, str) for step in p) for p in below):
-            continue
-        if isinstance(value, list):
-            result[key] = (
-                [_without(v, [p[1:] for p in below if p[0] == k]) for k, v in enumerate(value)] if below else value
-            )
-        else:
-            result[key] = _without(value, below) if below else value
-    return result
 
 
 def options_document(method: Any) -> PlainDict | None:

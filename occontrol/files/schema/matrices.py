@@ -3,67 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
 from occontrol.core.errors import Collector, Path, ProblemError
-from occontrol.core.expression import parse_expression
-from occontrol.core.kinds import Plain, PlainDict
+from occontrol.core.expression import value_of
+from occontrol.core.kinds import Plain
+from occontrol.core.linear_form import linear_form
 from occontrol.core.signal import ConstantSignal, ExpressionSignal, Signal, TableSignal
+from occontrol.core.state_labels import default_names
+from occontrol.files.schema.blocks import block_diagonal, kronecker, too_large
+from occontrol.files.schema.constants import Constants
+from occontrol.files.schema.matrix_forms import FORMS, NEEDED
 from occontrol.files.schema.tables import LARGEST, SHAPES, shape_fits
 from occontrol.files.schema.words import shown, suggest
 
 _PLANT = (("plant", "A"), ("plant", "F"))
 
-_FORMS = (
-    ("diag",),
-    ("identity", "scale"),
-    ("times", "values", "interpolation"),
-    ("file", "times", "values", "interpolation"),
-)
-_NEEDED = (("diag",), ("identity",), ("times", "values"), ("file", "times", "values"))
-
-ENTRY: PlainDict = {"type": ["number", "string"]}
-_ROWS: PlainDict = {"type": "array", "items": {"type": "array", "items": ENTRY}}
-
-
-def _form(properties: PlainDict, required: tuple[str, ...], title: str) -> PlainDict:
-    return {
-        "title": title,
-        "type": "object",
-        "properties": properties,
-        "required": list(required),
-        "additionalProperties": False,
-    }
-
-
-_INTERPOLATION = {"enum": ["linear", "previous"]}
-_TABLE = {
-    "times": {"type": "array", "items": {"type": "number"}},
-    "values": {"type": "array"},
-    "interpolation": _INTERPOLATION,
-}
-_FILE = {
-    "file": {"type": "string"},
-    "times": {"type": "string"},
-    "values": {"type": "string"},
-    "interpolation": _INTERPOLATION,
-}
-MATRIX_SCHEMA: PlainDict = {
-    "description": "list of rows (numbers or formulas), a bare number or formula for 1x1, diag, identity, or a table",
-    "anyOf": [
-        ENTRY,
-        _ROWS,
-        _form({"diag": {"type": "array", "items": ENTRY}}, _NEEDED[0], "diagonal"),
-        _form(
-            {"identity": {"type": "integer", "minimum": 1, "maximum": LARGEST}, "scale": ENTRY}, _NEEDED[1], "identity"
-        ),
-        _form(_TABLE, _NEEDED[2], "table"),
-        _form(_FILE, _NEEDED[3], "table in an .npz file"),
-    ],
-}
+_BY_NAMES = ("output", "C", "H")  # their columns are the states
+_PURE = {"diag", "identity", "block_diag", "kron"}
+_EXAMPLES = {"block_diag": "block_diag: [[[1, 0]], {identity: 2}]", "kron": "kron: [{identity: 3}, [[0, 1], [0, 0]]]"}
 
 
 class MatrixReader:
@@ -74,10 +35,19 @@ class MatrixReader:
     found : Collector for the mistakes
     load : (file, array name, path) -> array of a table file, or None after it has added its mistake
     name : path -> what the user calls the thing
+    constants : of the file
+    names : of the states, where the file names them
     """
 
-    def __init__(self, found: Collector, load: Callable[..., np.ndarray | None], name: Callable[[Path], str]):
-        self.found, self.load, self.name = found, load, name
+    def __init__(
+        self,
+        found: Collector,
+        load: Callable[..., np.ndarray | None],
+        name: Callable[[Path], str],
+        constants: Constants,
+        names: Sequence[str] = (),
+    ):
+        self.found, self.load, self.name, self.constants, self.names = found, load, name, constants, names
         self.states: int | None = None  # of the plant, once its A or F was read
 
     def wrong(self, path: Path, what: str, hint: str = "", key: bool = False, of: Path | None = None) -> None:
@@ -87,12 +57,13 @@ class MatrixReader:
         """A finite number or a checked formula."""
         if isinstance(value, str):
             try:
-                parse_expression(value, variables)
-                return value
+                value = self.constants.put_into(value, variables)
             except ProblemError as error:
                 for m in error.mistakes:
                     self.found.add(path, f"{self.name(of)}{where}: {m.what}", m.hint)
                 return None
+            if isinstance(value, str):
+                return value
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.wrong(path, f"{where} is {shown(value)}, it must be a number or a formula", of=of)
             return None
@@ -109,7 +80,7 @@ class MatrixReader:
         return signal
 
     def _signal(self, value: object, path: Path, variables: tuple[str, ...]) -> Signal | None:
-        if isinstance(value, dict):
+        if isinstance(value, dict) and not _PURE & value.keys():
             return self._mapping(value, path, variables)
         rows = self.rows(value, path, variables)
         if rows is None:
@@ -120,14 +91,16 @@ class MatrixReader:
 
     def rows(self, value: object, path: Path, variables: tuple[str, ...] = ("t",)) -> list[list[float | str]] | None:
         """Rows of numbers and formulas (of any of `variables`), for whoever builds a function from them."""
-        if isinstance(value, dict) and ("diag" in value or "identity" in value):
-            return self._square(value, path, variables)
+        if isinstance(value, dict) and _PURE & value.keys():
+            return self._shorthand(value, path, variables)
         if not isinstance(value, list):
             single = self.entry(value, path, path, "", variables)
             return None if single is None else [[single]]
         if not value:
             self.wrong(path, " is an empty list", "a matrix is a list of rows")
             return None
+        if path[-1] in _BY_NAMES and all(isinstance(row, str) for row in value) and (self.names or self.states):
+            return self._by_names(value, path, variables)
         if not all(isinstance(row, list) for row in value):
             k = next(i for i, row in enumerate(value) if not isinstance(row, list))
             flat = not any(isinstance(row, list) for row in value)
@@ -146,6 +119,18 @@ class MatrixReader:
         ]
         return None if any(e is None for row in result for e in row) else result  # type: ignore[return-value]
 
+    def _by_names(self, value: list[str], path: Path, variables: tuple[str, ...]) -> list[list[float | str]] | None:
+        """Rows of which each is a formula of the states, such as 'vx - vy'."""
+        names, rows = self.names or default_names(self.states or 0), []
+        for i, text in enumerate(value):
+            try:
+                whole = self.constants.put_into(text, (*names, *variables))
+                rows.append(linear_form(str(whole), names, variables))
+            except ProblemError as error:
+                for m in error.mistakes:
+                    self.found.add((*path, i), f"{self.name(path)} row {i + 1}: {m.what}", m.hint)
+        return rows if len(rows) == len(value) else None
+
     def vector(self, value: object, path: Path) -> np.ndarray | None:
         """A list of numbers (a bare number is a list of one)."""
         entries = self.entries(value, path, ())
@@ -162,11 +147,12 @@ class MatrixReader:
         result = []
         for i, e in enumerate(items):
             where = f" entry {i + 1}" if isinstance(value, list) else ""
-            if isinstance(e, str) and not variables:
+            if isinstance(e, str) and not variables and not self.constants.values:
                 self.wrong((*path, i), f"{where} is {shown(e)}, it must be a number", of=path)
                 result.append(None)
             else:
-                result.append(self.entry(e, (*path, i), path, where, variables))
+                read = self.entry(e, (*path, i), path, where, variables)
+                result.append(value_of(read) if isinstance(read, str) and not variables else read)
         return None if any(e is None for e in result) else result  # type: ignore[return-value]
 
     def constant(self, value: object, path: Path) -> np.ndarray | None:
@@ -178,10 +164,8 @@ class MatrixReader:
         return None if signal is None else signal.at(0.0)
 
     def _mapping(self, value: dict, path: Path, variables: tuple[str, ...]) -> Signal | None:
-        forms = [i for i, needed in enumerate(_NEEDED) if needed[0] in value]
-        form = forms[-1] if forms else None
-        if form is None:
-            known = sorted({key for keys in _FORMS for key in keys})
+        if not any(needed[0] in value for needed in NEEDED):
+            known = sorted({key for keys in FORMS for key in keys})
             unknown = next((key for key in value if key not in known), None)
             what = f": unknown key '{unknown}'" if unknown is not None else " is not a matrix"
             hint = (
@@ -191,28 +175,50 @@ class MatrixReader:
             )
             self.wrong((*path, unknown) if unknown is not None else path, what, hint, key=unknown is not None, of=path)
             return None
-        bad = [key for key in value if key not in _FORMS[form]]
+        return self._table(value, path) if self._keys_fit(value, path) else None
+
+    def _keys_fit(self, value: dict, path: Path) -> bool:
+        """Whether a mapping has the keys of its form and no others; False after its mistakes were noted."""
+        form = max(i for i, needed in enumerate(NEEDED) if needed[0] in value)
+        bad = [key for key in value if key not in FORMS[form]]
         for key in bad:
             self.wrong(
                 (*path, key),
-                f": unknown key '{key}' beside '{_NEEDED[form][0]}'",
-                suggest(str(key), _FORMS[form]),
+                f": unknown key '{key}' beside '{NEEDED[form][0]}'",
+                suggest(str(key), FORMS[form]),
                 True,
                 path,
             )
-        lacking = [key for key in _NEEDED[form] if key not in value]
+        lacking = [key for key in NEEDED[form] if key not in value]
         for key in lacking:
-            self.wrong(path, f" has no '{key}'", "a table needs " + " and ".join(_NEEDED[form]))
-        if bad or lacking:
+            self.wrong(path, f" has no '{key}'", "a table needs " + " and ".join(NEEDED[form]))
+        return not bad and not lacking
+
+    def _shorthand(self, value: dict, path: Path, variables: tuple[str, ...]) -> list[list[float | str]] | None:
+        """diag, identity, block_diag or kron."""
+        if not self._keys_fit(value, path):
             return None
-        if form <= 1:
-            rows = self._square(value, path, variables)
-            if rows is None:
-                return None
-            if any(isinstance(e, str) for row in rows for e in row):
-                return ExpressionSignal(tuple(map(tuple, rows)), variables[0] if variables else "t")
-            return _constant(np.array(rows, dtype=float))
-        return self._table(value, path)
+        if "block_diag" in value or "kron" in value:
+            return self._composed(value, path, variables)
+        return self._square(value, path, variables)
+
+    def _composed(self, value: dict, path: Path, variables: tuple[str, ...]) -> list[list[float | str]] | None:
+        """A matrix made of others, which may be made of others."""
+        key, join = ("kron", kronecker) if "kron" in value else ("block_diag", block_diagonal)
+        parts = value[key]
+        if not isinstance(parts, list) or not parts:
+            self.wrong(
+                (*path, key), f".{key} is {shown(parts)}, it must be a list of matrices", _EXAMPLES[key], of=path
+            )
+            return None
+        read = [self.rows(part, (*path, key, i), variables) for i, part in enumerate(parts)]
+        matrices = [rows for rows in read if rows is not None]
+        if len(matrices) < len(read):
+            return None
+        if what := too_large(key, matrices):
+            self.wrong((*path, key), f": {what}", of=path)
+            return None
+        return join(matrices)
 
     def _square(self, value: dict, path: Path, variables: tuple[str, ...]) -> list[list[float | str]] | None:
         if "diag" in value:

@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag
 from occontrol.core.kinds import PlainMapping
 from occontrol.families.athans.rules.schema import ConstraintKeys, SensorKeys
 from occontrol.families.athans.schema_parts import Initial, Plant, Select, sensor_kind
-from occontrol.files.schema.common import Expect, Matrix, Method, Strict, Whole
+from occontrol.files.schema.common import Expect, Labels, Matrix, Method, ProblemDocument, Strict, Whole
 
 
 class StepsHorizon(Strict):
@@ -33,6 +33,8 @@ class SamplesHorizon(Strict):
 class StepsPlant(Strict):
     """x(k+1) = F x + G w."""
 
+    states: Labels = None
+    units: Labels = None
     F: Matrix = Field(description="F: a list of rows")
     G: Matrix = None
     Q: Matrix = Field(description="Q: the covariance of the plant noise")
@@ -80,11 +82,10 @@ class ReadingsObjective(Strict):
     minimise: Literal["cost", "error", "observation"] = "cost"
 
 
-class ReadingsDocument(Strict):
+class ReadingsDocument(ProblemDocument):
     """What both documents of readings have in common."""
 
     family: Literal["athans"]
-    name: str | None = None
     select: Select = 1
     budget: dict[str, Whole] | None = Field(None, description="budget: {total: 6} or {radar: 3}")
     constraints: ConstraintKeys | None = None

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from occontrol.core.plant import state_names
 from occontrol.core.sensor import IDLE
 from occontrol.core.solution import Solution
+from occontrol.core.state_labels import state_labels
 from occontrol.families.athans.overview import compress, convergence, overview, subtitle
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.files.figures import style
@@ -102,7 +102,7 @@ def _draw_states(axes: Axes, problem: ReadingsProblem, solution: Solution, label
     times = problem.clock.times
     prior = np.einsum("kii->ki", solution.arrays["prior_covariance"][:-1])
     after = np.einsum("kii->ki", solution.arrays["covariance"])
-    names = state_names(problem.states)
+    names = state_labels(problem)
     title = "standard deviation of the estimation error"
     if problem.states <= style.MOST_LINES:
         both = np.sqrt(np.maximum(np.stack([prior, after], axis=1).reshape(2 * len(times), -1), 0.0))

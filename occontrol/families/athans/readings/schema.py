@@ -23,7 +23,7 @@ from occontrol.families.athans.readings.documents import (
 )
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.rules.schema import constraints
-from occontrol.families.athans.schema_parts import or_none, plant_document, plant_of, select_of
+from occontrol.families.athans.schema_parts import labels_document, or_none, plant_document, plant_of, select_of
 from occontrol.files.schema.common import (
     Context,
     options_document,
@@ -140,6 +140,7 @@ def _steps_plant(entry: StepsPlant, context: Context) -> DiscretePlant | None:
     plant = context.attempt(
         DiscretePlant, "plant", F=signals["F"], G=None if lost else signals["G"], Q=Q,
         covariance=np.zeros((n, n)) if covariance is None else covariance, mean=mean,
+        names=tuple(entry.states or ()), units=tuple(entry.units or ()),
     )  # fmt: skip
     if plant is None:
         moved: dict[Path, Path] = {("plant", key): ("plant", "initial", key) for key in ("covariance", "mean")}
@@ -198,6 +199,7 @@ def document(problem: ReadingsProblem) -> PlainDict:
     if isinstance(clock, Steps):
         horizon: PlainDict = {"steps": clock.steps, "epoch": clock.epoch}
         system = {"F": plant.F.document(), "G": or_none(plant.G), "Q": plant.Q.document()}
+        system |= labels_document(plant)
         system["initial"] = {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()}
     else:
         horizon = {"start": clock.start, "end": clock.end, "sample_times": clock.times.tolist()}
