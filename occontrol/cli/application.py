@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from occontrol.cli import certify, compare, convert, export, filter, problems, show, simulate, solve, tradeoff
+from occontrol.cli import certify, compare, convert, export, filter, problems, show, simulate, solve, sweep, tradeoff
 
 HELP = "Optimal sensor scheduling, with a proven lower bound beside every schedule."
 
@@ -30,6 +30,8 @@ COMMANDS = {
     "tradeoff": tradeoff.tradeoff,
     "show": show.show,
     "convert": convert.convert,
+    "sweep": sweep.sweep,
+    "work": sweep.work,
 }
 for _name, _function in COMMANDS.items():
     app.command(_name)(_function)

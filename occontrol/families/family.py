@@ -56,6 +56,7 @@ class Family(Protocol):
     abilities : what it can do beside solve, describe, summarise and draw
     filter_options : the options that `run_filter` takes by name
     begins_anew : why a solve that is resumed begins anew; empty where a method can go on from an earlier solution
+    seed_paths : the keys of a problem file that hold seeds of random numbers
     problem_type : the frozen dataclass of its problems (with `name`, `family`, `method`)
     result_type : the frozen dataclass of its results, with `as_dict` and `from_dict` (core/result.py)
     """
@@ -68,6 +69,7 @@ class Family(Protocol):
     abilities: ClassVar[frozenset[Ability]]
     filter_options: ClassVar[Sequence[str]] = ()
     begins_anew: ClassVar[str] = ""
+    seed_paths: ClassVar[Sequence[str]] = ()
     problem_type: ClassVar[type]
     result_type: ClassVar[type]
 

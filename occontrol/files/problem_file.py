@@ -32,30 +32,34 @@ class LoadedDocument:
 
     def build(self, check: Callable[[BaseProblem], list[Mistake]] | None = None) -> BaseProblem:
         """The family's problem; ProblemError with every mistake, those of `check` too, and its place."""
+        try:
+            return self.build_unplaced(check)
+        except ProblemError as error:
+            raise self.text.placed(error.mistakes) from None
+
+    def build_unplaced(self, check: Callable[[BaseProblem], list[Mistake]] | None = None) -> BaseProblem:
+        """The same; mistakes carry paths into the document, not yet lines."""
         from occontrol.files.schema.common import Context
         from occontrol.files.schema.validation import validate
 
         context = Context(self.text.data, self.path.parent, self.path.stem)
         context.found.mistakes += self.text.mistakes
         lacking: set[Place] = set()
-        try:
-            several = documents_of(self.schema)
-            model = several[0] if len(several) == 1 else self.schema.model_for(self.text.data)
-            document = validate(model, self.text.data, context.found, lacking)
-            said = list(context.found.mistakes)
-            with context.found.under():
-                problem = self.schema.build(document, context)
-            # nothing that is said about the stand-ins for what is lacking counts
-            context.found.mistakes = [
-                m for m in context.found.mistakes if m in said or not any(m.path[: len(p)] == p for p in lacking)
-            ]
+        several = documents_of(self.schema)
+        model = several[0] if len(several) == 1 else self.schema.model_for(self.text.data)
+        document = validate(model, self.text.data, context.found, lacking)
+        said = list(context.found.mistakes)
+        with context.found.under():
+            problem = self.schema.build(document, context)
+        # nothing that is said about the stand-ins for what is lacking counts
+        context.found.mistakes = [
+            m for m in context.found.mistakes if m in said or not any(m.path[: len(p)] == p for p in lacking)
+        ]
+        context.found.raise_if_any()
+        if check is not None:
+            context.found.mistakes += check(problem)
             context.found.raise_if_any()
-            if check is not None:
-                context.found.mistakes += check(problem)
-                context.found.raise_if_any()
-            return problem
-        except ProblemError as error:
-            raise self.text.placed(error.mistakes) from None
+        return problem
 
 
 def documents_of(schema: ModuleType) -> tuple[type[BaseModel], ...]:

@@ -43,6 +43,7 @@ class Hybrid(Family):
         {Ability.SIMULATE, Ability.FILTER, Ability.COMPARE, Ability.MONTE_CARLO}
     )
     begins_anew: ClassVar[str] = "a result holds the averages over its runs, not the runs"
+    seed_paths: ClassVar[Sequence[str]] = ("simulation.seed",)
     problem_type: ClassVar[type] = Problem
     result_type: ClassVar[type] = HybridResult
 

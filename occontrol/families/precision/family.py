@@ -33,6 +33,7 @@ class Precision(Family):
     compared: ClassVar[Sequence[str]] = ("barrier", "clarabel", "uniform")
     abilities: ClassVar[frozenset[Ability]] = frozenset({Ability.SIMULATE, Ability.FILTER, Ability.COMPARE})
     begins_anew: ClassVar[str] = "an interior-point method starts well inside, a point near the optimum is no help"
+    seed_paths: ClassVar[Sequence[str]] = ("filter.seed",)
     problem_type: ClassVar[type] = Problem
     result_type: ClassVar[type] = PrecisionResult
 
