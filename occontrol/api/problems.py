@@ -11,6 +11,7 @@ from occontrol.core.measurement import OnlineLoop
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.core.problem import BaseProblem
+from occontrol.core.result import ResultData
 from occontrol.core.solution import Solution, Status, Tradeoff
 from occontrol.core.trajectory import Trajectory
 from occontrol.families import find_family, names
@@ -167,6 +168,25 @@ def tradeoff(problem: BaseProblem, cost_weights: Sequence[float], monitor: Monit
     """
     family = require(problem, Ability.TRADEOFF)
     return family.tradeoff(problem, cost_weights, monitor or Monitor())
+
+
+def sensitivity(
+    problem: BaseProblem, solution: Solution | None = None, monitor: Monitor | None = None, change: float | None = None
+) -> ResultData:
+    """What the optimal cost would change by if a price, a noise, a window or the number of places changed.
+
+    Parameters
+    ----------
+    problem : the problem of a solution, `solution.problem`
+    solution : of it, whose relaxed policy is the start; optional
+    monitor : Monitor to watch and stop the work, optional
+    change : share, for example 0.1, by which every price and noise goes down and up and is solved again, so that the
+        change of the optimum lies between proven bounds; None: nothing is solved again
+
+    Raises UsageError for families that cannot say it.
+    """
+    family = require(problem, Ability.SENSITIVITY)
+    return family.sensitivity(problem, solution, monitor or Monitor(), change)
 
 
 def _require_schedule(solution: Solution | None) -> None:

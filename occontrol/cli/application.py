@@ -4,7 +4,20 @@ from __future__ import annotations
 
 import typer
 
-from occontrol.cli import certify, compare, convert, export, filter, problems, show, simulate, solve, sweep, tradeoff
+from occontrol.cli import (
+    certify,
+    compare,
+    convert,
+    export,
+    filter,
+    problems,
+    sensitivity,
+    show,
+    simulate,
+    solve,
+    sweep,
+    tradeoff,
+)
 
 HELP = "Optimal sensor scheduling, with a proven lower bound beside every schedule."
 
@@ -30,6 +43,7 @@ COMMANDS = {
     "tradeoff": tradeoff.tradeoff,
     "show": show.show,
     "convert": convert.convert,
+    "sensitivity": sensitivity.sensitivity,
     "sweep": sweep.sweep,
     "work": sweep.work,
 }

@@ -16,6 +16,7 @@ from occontrol.core.kinds import PlainDict
 from occontrol.core.measurement import OnlineLoop
 from occontrol.core.method import Method, options_in_common
 from occontrol.core.problem import BaseProblem
+from occontrol.core.result import ResultData
 from occontrol.core.solution import Tradeoff
 from occontrol.core.trajectory import Trajectory
 
@@ -40,6 +41,7 @@ class Ability(enum.StrEnum):
     ONLINE = "run on line"
     TRADEOFF = "trade observation cost against prediction error"
     COMPARE = "compare methods"
+    SENSITIVITY = "say what a price, a noise or a window is worth"
     MONTE_CARLO = "be judged by many simulated runs"
 
 
@@ -184,6 +186,16 @@ class Family(Protocol):
     def write_tradeoff(self, folder: Path, front: Tradeoff, figures: bool = True) -> list[Path]:
         """Write what `tradeoff` returned to a folder, with pictures if `figures`; the files written."""
         self._cannot(Ability.TRADEOFF)
+
+    def sensitivity(
+        self, problem: BaseProblem, solution: Solution | None, monitor: Monitor, change: float | None = None
+    ) -> ResultData:
+        """What the optimal cost would change by; with `change` also between proven bounds, by solving again."""
+        self._cannot(Ability.SENSITIVITY)
+
+    def sensitivity_figure(self, found: ResultData) -> Figure:
+        """A picture of what `sensitivity` found."""
+        self._cannot(Ability.SENSITIVITY)
 
     # ---- what follows from the above
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import occontrol as oc
-from occontrol.api import choose_method, compare_figure, document, estimate_figures, family_of
+from occontrol.api import choose_method, compare_figure, document, estimate_figures, family_of, sensitivity
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Solution, Status
 from occontrol.families import find_family, names, template, title
@@ -44,10 +44,11 @@ CALLS = {
     Ability.FILTER: lambda p, s: oc.run_filter(p, s, []),
     Ability.ONLINE: lambda p, s: oc.online(p, s),
     Ability.TRADEOFF: lambda p, s: oc.tradeoff(p, [0.1]),
+    Ability.SENSITIVITY: lambda p, s: sensitivity(p, s),
 }
 METHODS_OF_ABILITY = {
     Ability.CERTIFY: "certify", Ability.SIMULATE: "simulate", Ability.FILTER: "run_filter", Ability.ONLINE: "online",
-    Ability.TRADEOFF: "tradeoff",
+    Ability.TRADEOFF: "tradeoff", Ability.SENSITIVITY: "sensitivity",
 }  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from occontrol.core.errors import Mistake
 from occontrol.core.kinds import PlainDict
 from occontrol.core.measurement import OnlineLoop
 from occontrol.core.method import Method
+from occontrol.core.result import ResultData
 from occontrol.core.solution import Tradeoff
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.rate import RATE, RateFamily
@@ -94,6 +95,12 @@ class AthansFamily(RateFamily):
     def tradeoff(self, problem: AthansProblem, cost_weights: Sequence[float], monitor: Monitor) -> Tradeoff:
         """Observation cost against prediction error over the cost weight alpha."""
         return self._half(problem).tradeoff(problem, cost_weights, monitor)
+
+    def sensitivity(
+        self, problem: AthansProblem, solution: Solution | None, monitor: Monitor, change: float | None = None
+    ) -> ResultData:
+        """Derivatives of the relaxed optimum; UsageError for rules."""
+        return self._half(problem).sensitivity(problem, solution, monitor, change)
 
 
 FAMILY = AthansFamily()

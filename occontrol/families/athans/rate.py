@@ -9,6 +9,7 @@ from occontrol.core import stopwatch
 from occontrol.core.errors import Mistake, SolveFailed, UsageError
 from occontrol.core.kinds import PlainDict
 from occontrol.core.method import Method
+from occontrol.core.result import ResultData
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.families.athans.base import AthansProblem
@@ -182,6 +183,21 @@ class RateFamily(Family):
         from occontrol.families.athans.front_folder import write_front
 
         return write_front(folder, front, figures)
+
+    def sensitivity(
+        self, problem: SchedulingProblem, solution: Solution | None, monitor: Monitor, change: float | None = None
+    ) -> ResultData:
+        """Derivatives of the relaxed optimum; UsageError for rules."""
+        from occontrol.families.athans.sensitivity import sensitivity
+
+        return sensitivity(problem, solution, monitor, change)
+
+    def sensitivity_figure(self, found: ResultData) -> Figure:
+        """What prices and noises of the sensors are worth."""
+        from occontrol.families.athans.figures_sensitivity import draw
+        from occontrol.families.athans.sensitivity import Sensitivities
+
+        return draw(Sensitivities.from_dict(found.as_dict()))
 
 
 def schedule_of(solution: Solution | None) -> Schedule:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from occontrol.core.errors import Mistake, UsageError
 from occontrol.core.kinds import PlainDict
 from occontrol.core.method import Method
+from occontrol.core.result import ResultData
 from occontrol.families.athans.rate import RateFamily, schedule_of
 from occontrol.families.athans.readings.problem import ReadingsProblem
 
@@ -130,6 +131,16 @@ class ReadingsFamily(RateFamily):
         from occontrol.families.athans.readings.tradeoff import tradeoff
 
         return tradeoff(problem, cost_weights, monitor)
+
+    def sensitivity(
+        self, problem: ReadingsProblem, solution: Solution | None, monitor: Monitor, change: float | None = None
+    ) -> ResultData:
+        """Derivatives of the relaxed optimum; UsageError for rules, budgets and `change`."""
+        from occontrol.families.athans.readings.sensitivity import sensitivity
+
+        if change is not None:
+            raise UsageError("changes of readings are not solved again\n  hint: a study varies price or noise: sweep")
+        return sensitivity(problem, solution, monitor)
 
 
 READINGS = ReadingsFamily()
