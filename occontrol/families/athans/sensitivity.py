@@ -104,15 +104,16 @@ class Use:
         cost_weight : alpha
         """
         h, v, g = self.lengths, self.weights[:, j], self.gradient[:, j]
-        time, whole = float(h @ v), float(np.sum(h))
+        whole = float(np.sum(h))
+        time = float(h @ v) if h @ v > USED * whole else 0.0
         found: PlainDict = {
             "time": time,
             "share": time / whole,
             "price": cost_weight * time,
-            "noise": max(0.0, -float(v @ (g - self.prices[:, j]))),
+            "noise": max(0.0, -float(v @ (g - self.prices[:, j]))) if time else 0.0,
         }
         open_now = self.upper[:, j] > 0
-        if time <= USED * whole and cost_weight and np.any(open_now):
+        if not time and cost_weight and np.any(open_now):
             distance = (g - self.marginal)[open_now] / (cost_weight * h[open_now])
             found["entry_price"] = -max(0.0, float(np.min(distance)))
         return found
