@@ -1,5 +1,6 @@
 """What the command line, scripts and the public names of the package call; every call works for every family."""
 
+from occontrol.api.documents import problem_of
 from occontrol.api.files import (
     document,
     export_run,
@@ -17,6 +18,7 @@ from occontrol.api.problems import (
     certify,
     choose_method,
     compare_figure,
+    converted,
     estimate_figures,
     family_of,
     figures_of,
@@ -34,6 +36,7 @@ __all__ = [
     "certify",
     "choose_method",
     "compare_figure",
+    "converted",
     "document",
     "estimate_figures",
     "export_run",
@@ -44,6 +47,7 @@ __all__ = [
     "online",
     "placed",
     "plot",
+    "problem_of",
     "read_measurements",
     "read_problem",
     "read_run",

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from occontrol.api.documents import problem_of
 from occontrol.core.claims import Claims
+from occontrol.core.conversion import Asked
 from occontrol.core.errors import InfeasibleError, ProblemError, UsageError, suggest
+from occontrol.core.kinds import PlainDict
 from occontrol.core.measurement import OnlineLoop
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
@@ -15,13 +18,15 @@ from occontrol.core.result import ResultData
 from occontrol.core.solution import Solution, Status, Tradeoff
 from occontrol.core.trajectory import Trajectory
 from occontrol.families import find_family, names
-from occontrol.families.family import Ability, Family
+from occontrol.families.family import NOTHING, Ability, Family
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.schedule import Schedule
+
+HUB = "athans"  # the family that others are converted by way of
 
 
 def family_of(problem: BaseProblem) -> Family:
@@ -153,6 +158,32 @@ def online(problem: BaseProblem, solution: Solution | None = None, method: Metho
     family = require(problem, Ability.ONLINE)
     _require_schedule(solution)
     return family.online(problem, solution, None if method is None else choose_method(problem, method))
+
+
+def converted(problem: BaseProblem, family: str, asked: Asked = NOTHING) -> tuple[PlainDict, list[str]]:
+    """A problem as a document of another family; by way of athans where the two have no direct one.
+
+    Parameters
+    ----------
+    problem : the problem
+    family : name of the other family
+    asked : Asked, what the other family needs and this one does not hold
+
+    Returns the document, and sentences on what is left behind. Raises UsageError where the mathematics has no way.
+    """
+    own = family_of(problem)
+    if family == own.name:
+        raise UsageError(f"the problem is of family {family} already")
+    if family not in names():
+        raise UsageError(f"there is no family '{family}'\n  hint: {suggest(family, names())}")
+    try:
+        return own.converted(problem, family, asked)
+    except UsageError:
+        if HUB in (own.name, family) or type(own).converted is Family.converted:
+            raise
+    between, left = own.converted(problem, HUB, asked)
+    found, more = find_family(HUB).converted(problem_of(between), family, asked)
+    return found, [*left, *more]
 
 
 def tradeoff(problem: BaseProblem, cost_weights: Sequence[float], monitor: Monitor | None = None) -> Tradeoff:

@@ -29,9 +29,18 @@ def compare(
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder [default: runs/FILE's name-compare].")] = None,
     json: JsonFlag = False,
+    families: Annotated[bool, typer.Option("--families", help="One plant in several families instead.")] = False,
+    step: Annotated[float | None, typer.Option("--step", help="With --families: time between readings.")] = None,
+    level: Annotated[float | None, typer.Option("--level", help="With --families: energy of unknown inputs.")] = None,
+    slots: Annotated[int | None, typer.Option("--slots", help="With --families: slots of family robust.")] = None,
 ) -> int:
     """Solve one problem with several methods and set them side by side."""
     from occontrol.cli.watch import announce
+
+    if families:
+        from occontrol.cli.compare_families import compare_families
+
+        return compare_families(file, out, json, step, level, slots)
 
     announce(f"comparing methods on {file}")
     from occontrol.api import choose_method, family_of, read_problem

@@ -17,9 +17,13 @@ def convert(
     out: Annotated[
         Path | None, typer.Option("--out", help="Where to write it [default: FILE's name with the family, .json].")
     ] = None,
+    step: Annotated[float | None, typer.Option("--step", help="Time between readings, for a family in steps.")] = None,
+    level: Annotated[float | None, typer.Option("--level", help="Energy of unknown inputs, for robust.")] = None,
+    slots: Annotated[int | None, typer.Option("--slots", help="Slots of equal length, for robust.")] = None,
 ) -> int:
     """Write a problem as one of another family, for example an on-line selection as a plan."""
-    from occontrol.api import family_of, read_problem
+    from occontrol.api import converted, read_problem
+    from occontrol.core.conversion import Asked
     from occontrol.core.errors import FileAccessError, UsageError
     from occontrol.files.atomic import refuse_same, write_text
     from occontrol.files.plain_json import to_json
@@ -31,7 +35,7 @@ def convert(
         raise FileAccessError(f"{target} exists already\n  hint: --out FILE writes over it")
     refuse_same([target], [file])
     problem = read_problem(file)
-    found, remarks = family_of(problem).converted(problem, to)
+    found, remarks = converted(problem, to, Asked(step, level, slots))
     write_text(target, to_json(found) + "\n")
     for remark in remarks:
         note(remark)

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
 
 from occontrol.core.claims import Claims
+from occontrol.core.conversion import Asked
 from occontrol.core.errors import Mistake, UsageError
 from occontrol.core.kinds import PlainDict
 from occontrol.core.measurement import OnlineLoop
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from occontrol.core.monitor import Monitor
     from occontrol.core.schedule import Schedule
     from occontrol.core.solution import Solution
+
+
+NOTHING = Asked()
 
 
 class Ability(enum.StrEnum):
@@ -139,13 +143,14 @@ class Family(Protocol):
         """Arrays {name: array} from which another program runs the filter; empty where there are none."""
         return {}
 
-    def converted(self, problem: BaseProblem, family: str) -> tuple[PlainDict, list[str]]:
+    def converted(self, problem: BaseProblem, family: str, asked: Asked = NOTHING) -> tuple[PlainDict, list[str]]:
         """The problem as a document of another family, and sentences on what is left behind.
 
         Parameters
         ----------
         problem : of this family
         family : name of the other one
+        asked : what the user adds where this family does not know what the other one needs
 
         Raises UsageError for families that have no common ground with this one.
         """

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core import stopwatch
+from occontrol.core.conversion import Asked
 from occontrol.core.errors import Mistake, SolveFailed, UsageError
 from occontrol.core.kinds import PlainDict
 from occontrol.core.method import Method
@@ -16,7 +17,7 @@ from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.methods import METHODS
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult
-from occontrol.families.family import Ability, Family
+from occontrol.families.family import NOTHING, Ability, Family
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -183,6 +184,16 @@ class RateFamily(Family):
         from occontrol.families.athans.front_folder import write_front
 
         return write_front(folder, front, figures)
+
+    def converted(self, problem: AthansProblem, family: str, asked: Asked = NOTHING) -> tuple[PlainDict, list[str]]:
+        """A `problem` of continuous sensing as a document of `family` vlambda or robust, with what is `asked` of the
+        user; UsageError for others."""
+        from occontrol.families.athans.convert import as_selection, as_uncertain
+
+        ways = {"vlambda": as_selection, "robust": as_uncertain}
+        if family not in ways or not isinstance(problem, SchedulingProblem):
+            return super().converted(problem, family, asked)
+        return ways[family](problem, asked)
 
     def sensitivity(
         self, problem: SchedulingProblem, solution: Solution | None, monitor: Monitor, change: float | None = None

@@ -7,14 +7,16 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core import stopwatch
+from occontrol.core.conversion import Asked
 from occontrol.core.errors import InfeasibleError, ProblemError, SolveFailed
+from occontrol.core.kinds import PlainDict
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
-from occontrol.families.family import Ability, Family
+from occontrol.families.family import NOTHING, Ability, Family
 from occontrol.families.robust.balanced import balanced, restored
 from occontrol.families.robust.methods import METHODS
 from occontrol.families.robust.problem import Problem
@@ -123,6 +125,13 @@ class Robust(Family):
         from occontrol.families.robust.text import truth_remark
 
         return truth_remark(estimate, truth, source)
+
+    def converted(self, problem: Problem, family: str, asked: Asked = NOTHING) -> tuple[PlainDict, list[str]]:
+        """A `problem` as a document of `family` athans, without its uncertainty; UsageError for others; nothing need be
+        `asked`."""
+        from occontrol.families.robust.convert import as_schedule
+
+        return as_schedule(problem) if family == "athans" else super().converted(problem, family, asked)
 
     def certify(self, problem: Problem, schedule: Schedule, claims: Claims | None = None) -> Solution:
         """Cost, lower bound and gap of anybody's schedule, everything recomputed (certify.py)."""

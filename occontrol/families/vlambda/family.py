@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core import stopwatch
+from occontrol.core.conversion import Asked
 from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.kinds import PlainDict
 from occontrol.core.measurement import Estimate, Measurement
@@ -13,7 +14,7 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
-from occontrol.families.family import Ability, Family
+from occontrol.families.family import NOTHING, Ability, Family
 from occontrol.families.vlambda.methods import METHODS, Fixed, Lookahead, Optimal, Rule
 from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.result import SelectionResult, assemble, recorded
@@ -137,11 +138,12 @@ class VLambda(Family):
         """Raise InfeasibleError where a movable sensor of `problem` has nowhere to be."""
         problem.require_feasible()
 
-    def converted(self, problem: Problem, family: str) -> tuple[PlainDict, list[str]]:
-        """A `problem` as a document of `family` athans, which plans all choices together; UsageError for others."""
+    def converted(self, problem: Problem, family: str, asked: Asked = NOTHING) -> tuple[PlainDict, list[str]]:
+        """A `problem` as a document of `family` athans, which plans all choices together; UsageError for others;
+        nothing need be `asked`."""
         from occontrol.families.vlambda.convert import as_readings
 
-        return as_readings(problem) if family == "athans" else super().converted(problem, family)
+        return as_readings(problem) if family == "athans" else super().converted(problem, family, asked)
 
     def certify(self, problem: Problem, schedule: Schedule, claims: Claims | None = None) -> Solution:
         """Cost of anybody's choices, beside the bound that the exact search proves; see certificate.py.
