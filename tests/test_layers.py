@@ -14,6 +14,7 @@ FLOORS = [["core"], ["numerics"], ["scheduling", "files"], ["families"], ["api",
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py")
 LONGEST = 300  # lines
 INSIDE = 0.5  # share of the imports that stay inside their room
+ABOVE = ("__main__", "api", "studies", "cli")  # stand above all rooms: what they import is below by design
 
 
 def imported(tree: ast.AST) -> Iterator[tuple[int, str]]:
@@ -113,7 +114,7 @@ def test_what_stands_above_the_families_finds_them_by_the_table(folder: str) -> 
 
 
 def test_half_of_the_imports_stay_inside_their_room() -> None:
-    pairs = edges()
+    pairs = {(a, b) for a, b in edges() if a.split("/")[0] not in ABOVE}
     inside = sum(room(a.split("/")) == room(b.split("/")) for a, b in pairs)
     assert inside >= INSIDE * len(pairs), f"{inside} of {len(pairs)}"
 

@@ -31,9 +31,9 @@ from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.integration.folded import Folded
 from occontrol.families.athans.integration.integrator import Evaluation, Integrator
 from occontrol.families.athans.integration.local_error import node_matrices
-from occontrol.families.athans.integration.path import parts_of
 from occontrol.families.athans.integration.relaxed import relax
 from occontrol.families.athans.problem import SchedulingProblem
+from occontrol.families.athans.window_ends import window_ends
 from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome
 
 GAP = 1e-8  # of the relaxation whose policy is differentiated
@@ -160,7 +160,7 @@ def sensitivity(
         cost=at.cost,
         lower_bound=min(found.lower_bound, at.cost),
         sensors=sensors,
-        windows=_windows(inner, integrator, at),
+        windows=window_ends(inner, integrator, at),
         select={"value": inner.select, "one_more": _one_more(inner, at)},
         changes={} if change is None else _changes(inner, found, change, monitor),
     )
@@ -250,54 +250,3 @@ def _one_more(problem: SchedulingProblem, at: Evaluation) -> float | None:
     wider = replace(feasible_set(problem), select=more, upper=upper)
     least = np.sum(at.gradient * wider.vertex(at.gradient), axis=1) - np.sum(at.gradient * at.weights, axis=1)
     return at.cost + float(np.sum(least))
-
-
-def _windows(problem: SchedulingProblem, integrator: Integrator, at: Evaluation) -> list[PlainDict]:
-    """Every end of a window inside the horizon, with dJ/dt of moving it."""
-    path = parts_of(integrator, at).path
-    first, last = float(problem.edges[0]), float(problem.edges[-1])
-    found: list[PlainDict] = []
-    for j, sensor in enumerate(problem.sensors):
-        for window in sensor.windows or ():
-            for which, t in zip(("start", "end"), window, strict=True):
-                if first < t < last:
-                    node = int(np.argmin(np.abs(problem.edges - t)))
-                    outside, inside = (node, node - 1) if which == "end" else (node - 1, node)
-                    s = _switching(problem, path.covariance[node], path.costate[node], float(problem.edges[node]))
-                    longer = _least(problem, s, outside, {j: 1.0}) - _least(problem, s, outside, {})
-                    shorter = _least(problem, s, inside, {j: 0.0}) - _least(problem, s, inside, {})
-                    moved = {"longer": longer, "shorter": shorter}
-                    found.append({"sensor": sensor.name, "t": float(t), "end": which, **moved})
-    return found
-
-
-def _switching(problem: SchedulingProblem, covariance: np.ndarray, costate: np.ndarray, t: float) -> np.ndarray:
-    """(M,) s_j = alpha q_j - tr(L_j Sigma P Sigma) at one time.
-
-    Parameters
-    ----------
-    problem : SchedulingProblem
-    covariance, costate : (n, n)
-    t : time
-    """
-    moment = covariance @ costate @ covariance
-    found = []
-    for sensor in problem.sensors:
-        price = problem.cost_weight * float(sensor.cost.at(t)[0, 0])
-        if sensor.rows:
-            C = sensor.C.at(t)
-            price -= float(np.trace(np.linalg.solve(sensor.noise.at(t), C @ moment @ C.T)))
-        found.append(price)
-    return np.array(found)
-
-
-def _least(problem: SchedulingProblem, s: np.ndarray, interval: int, changed: dict[int, float]) -> float:
-    """min s.w over what is allowed on an interval, with other limits for some sensors; inf where nothing is."""
-    allowed = feasible_set(problem)
-    upper = allowed.upper[interval : interval + 1].copy()
-    for j, limit in changed.items():
-        upper[0, j] = limit
-    if np.sum(np.minimum(upper, allowed.select)) < allowed.select:
-        return np.inf
-    one = replace(allowed, upper=upper, edges=None)
-    return float(np.sum(s * one.vertex(s[None])))
