@@ -25,7 +25,7 @@ def filter_measurements(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="CSV", help="File to write.", show_default=False)],
     model: Annotated[
         str | None,
-        typer.Option("--model", help="split: the schedule's own [default]; exact: for coarse grids (athans)."),
+        typer.Option("--model", help="split [default], exact (coarse grids); of nonlinear plants ekf, iterated, ukf."),
     ] = None,
     gate: Annotated[
         float | None,
@@ -45,6 +45,7 @@ def filter_measurements(
     from occontrol.files.run_record import refuse_run_files
     from occontrol.files.tables import write_estimate
     from occontrol.files.truth_file import read_truth
+    from occontrol.numerics.consistency import judge_run
 
     beside = measurements.with_name(measurements.stem + ".truth.csv")
     source = truth or (beside if beside.exists() else None)
@@ -58,7 +59,8 @@ def filter_measurements(
     except ProblemError as error:
         raise ProblemError([_in_file(m, measurements) for m in error.mistakes]) from None
     known = None if source is None else read_truth(source, estimate.times, estimate.mean.shape[1])
-    write_estimate(out, estimate, state_names(problem))
+    nees = None if known is None else judge_run(estimate, known).nees[0]
+    write_estimate(out, estimate, state_names(problem), nees)
     for remark in estimate.notes:
         note(remark)
     if known is not None:

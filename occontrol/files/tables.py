@@ -66,14 +66,17 @@ def write_truth(path: str | Path, truth: Trajectory, names: Sequence[str] = ()) 
     return write_table(path, ["t", *names], ([float(t), *x] for t, x in zip(truth.times, truth.values, strict=True)))
 
 
-def write_estimate(path: str | Path, estimate: Estimate, names: Sequence[str] = ()) -> Path:
-    """Write what a filter found: t, x1.., sd_x1.., w1.., sd_w1.., nis, and where known w1_now.., sd_w1_now...
+def write_estimate(
+    path: str | Path, estimate: Estimate, names: Sequence[str] = (), nees: np.ndarray | None = None
+) -> Path:
+    """Write what a filter found: t, x1.., sd_x1.., w1.., sd_w1.., nis, and where known w1_now.., sd_w1_now.., nees.
 
     Parameters
     ----------
     path : the file
-    estimate : Estimate
+    estimate : Estimate with K rows
     names : of the states, in place of x1, x2, ..
+    nees : (K,) normalised estimation error squared, where the truth is known
     """
     p, names = estimate.predicted.shape[1], names or default_names(estimate.mean.shape[1])
     header = ["t", *names, *(f"sd_{name}" for name in names)]
@@ -83,4 +86,6 @@ def write_estimate(path: str | Path, estimate: Estimate, names: Sequence[str] = 
     if estimate.output is not None and estimate.output_deviation is not None:
         header += [*(f"w{i + 1}_now" for i in range(p)), *(f"sd_w{i + 1}_now" for i in range(p))]
         parts += [estimate.output, estimate.output_deviation]
+    if nees is not None:
+        header, parts = [*header, "nees"], [*parts, nees[:, None]]
     return write_table(path, header, np.hstack(parts))

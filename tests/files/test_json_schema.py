@@ -24,6 +24,7 @@ def test_athans_in_detail():
     schema = whole["$defs"]["Document"] | {"$defs": whole["$defs"]}
     assert [form["$ref"].rpartition("/")[2] for form in whole["anyOf"]] == [
         "Document", "StepsDocument", "SamplesDocument",
+        "FormulaDocument", "FormulaStepsDocument", "FormulaSamplesDocument",
     ]  # fmt: skip
     assert set(schema["required"]) == {"family", "horizon", "plant", "sensors", "objective"}
     named, *options = schema["properties"]["method"]["anyOf"]

@@ -6,7 +6,7 @@ Two kinds of problems, one family: each call goes to the half that a problem bel
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from occontrol.core.errors import Mistake
 from occontrol.core.kinds import PlainDict
@@ -15,7 +15,8 @@ from occontrol.core.method import Method
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Tradeoff
 from occontrol.families.athans.base import AthansProblem
-from occontrol.families.athans.rate import RATE, RateFamily
+from occontrol.families.athans.nonlinear.linearise import linearisation_of
+from occontrol.families.athans.rate import RATE, RateFamily, schedule_of
 from occontrol.families.athans.readings.half import READINGS
 from occontrol.families.family import Family
 
@@ -40,7 +41,7 @@ class AthansFamily(RateFamily):
 
     def solve(self, problem: AthansProblem, method: Method, monitor: Monitor) -> Solution:
         """Run `method` on `problem` and certify what it found; see the two halves for what is raised."""
-        return self._half(problem).solve(problem, method, monitor)
+        return _labelled(problem, self._half(problem).solve(problem, method, monitor))
 
     def require_feasible(self, problem: AthansProblem) -> None:
         """Raise InfeasibleError, with the time, when the sensors of `problem` are too few somewhere."""
@@ -48,15 +49,21 @@ class AthansFamily(RateFamily):
 
     def warnings(self, problem: AthansProblem) -> list[Mistake]:
         """What `problem` says that is allowed and hardly meant."""
-        return self._half(problem).warnings(problem)
+        from occontrol.families.athans.nonlinear.label import doubts
+
+        return [*self._half(problem).warnings(problem), *doubts(problem)]
 
     def describe(self, problem: AthansProblem) -> list[tuple[str, str]]:
         """Sizes, costs, observability, an estimate of work of `problem`."""
-        return self._half(problem).describe(problem)
+        from occontrol.families.athans.nonlinear.label import describe_linearised
+
+        return [*self._half(problem).describe(problem), *describe_linearised(problem)]
 
     def summarise(self, problem: AthansProblem, solution: Solution) -> list[tuple[str, str]]:
         """Cost, bound and parts of a `solution` of `problem`."""
-        return self._half(problem).summarise(problem, solution)
+        from occontrol.families.athans.nonlinear.label import summarise_linearised
+
+        return [*self._half(problem).summarise(problem, solution), *summarise_linearised(solution)]
 
     def figures(self, problem: AthansProblem, solution: Solution) -> dict[str, Figure]:
         """overview, and the panels of it by themselves."""
@@ -68,28 +75,45 @@ class AthansFamily(RateFamily):
 
     def certify(self, problem: AthansProblem, schedule: Schedule, claims: Claims | None = None) -> Solution:
         """Cost, lower bound and gap of anybody's schedule; refuted claims make the status `disagrees`."""
-        return self._half(problem).certify(problem, schedule, claims)
+        return _labelled(problem, self._half(problem).certify(problem, schedule, claims))
 
     def simulate(
         self, problem: AthansProblem, solution: Solution | None, seed: int
     ) -> tuple[list[Measurement], Trajectory]:
         """A true trajectory of the plant and what the scheduled sensors report of it."""
+        if linearisation_of(problem) is not None:
+            from occontrol.families.athans.nonlinear.filter import simulate
+
+            return simulate(problem, schedule_of(solution), seed)
         return self._half(problem).simulate(problem, solution, seed)
 
     def run_filter(
         self, problem: AthansProblem, solution: Solution, measurements: Sequence[Measurement], **options: object
     ) -> Estimate:
-        """The matched filter along the solution's schedule; options: model and gate."""
+        """The matched filter along the solution's schedule; options: model and gate.
+
+        Of a nonlinear plant `model` is ekf, iterated or ukf.
+        """
+        if linearisation_of(problem) is not None:
+            from occontrol.families.athans.nonlinear.filter import run_filter
+
+            return run_filter(problem, schedule_of(solution), measurements, **_renamed(options))
         return self._half(problem).run_filter(problem, solution, measurements, **options)
 
     def online(
         self, problem: AthansProblem, solution: Solution | None = None, method: Method | None = None
     ) -> OnlineLoop:
         """The matched filter for a loop on a target, along the solution's schedule."""
+        if linearisation_of(problem) is not None and solution is not None:
+            from occontrol.families.athans.nonlinear.online import NonlinearFilter
+
+            return NonlinearFilter(problem, schedule_of(solution))
         return self._half(problem).online(problem, solution, method)
 
     def filter_tables(self, problem: AthansProblem, solution: Solution) -> PlainDict:
-        """The matched filter as plain arrays."""
+        """The matched filter as plain arrays; none of a nonlinear plant, whose filter linearises as it goes."""
+        if linearisation_of(problem) is not None:
+            return {}
         return self._half(problem).filter_tables(problem, solution)
 
     def tradeoff(self, problem: AthansProblem, cost_weights: Sequence[float], monitor: Monitor) -> Tradeoff:
@@ -101,6 +125,18 @@ class AthansFamily(RateFamily):
     ) -> ResultData:
         """Derivatives of the relaxed optimum; UsageError for rules."""
         return self._half(problem).sensitivity(problem, solution, monitor, change)
+
+
+def _renamed(options: Mapping[str, Any]) -> PlainDict:
+    """The options of a filter in the words of a nonlinear one."""
+    return {{"model": "estimator"}.get(name, name): value for name, value in options.items()}
+
+
+def _labelled(problem: AthansProblem, solution: Solution) -> Solution:
+    """The solution; of a nonlinear plant with the words that its certificate is of the linearised problem."""
+    from occontrol.families.athans.nonlinear.label import labelled
+
+    return labelled(problem, solution)
 
 
 FAMILY = AthansFamily()

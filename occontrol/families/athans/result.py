@@ -78,6 +78,9 @@ class AthansResult(ResultData):
     nodes : of the tree that was searched
     constraints : {satisfied, active}, active the rules that bind the schedule
     multipliers : {rule: price of one more unit of a budget}, in cost units
+    certificate_of : "problem", or "linearised" where the plant is nonlinear: cost and bound are then of the problem
+        linearised along its nominal path
+    nonlinearity : {readings, predictions} of the plan of a nonlinear plant, see nonlinear/index.py
     schedule : [{start, end, sensors}], see Schedule.segments
     """
 
@@ -112,6 +115,8 @@ class AthansResult(ResultData):
     nodes: int | None = field(default=None, metadata={"optional": True})
     constraints: PlainMapping | None = field(default=None, metadata={"optional": True})
     multipliers: Mapping[str, float] | None = field(default=None, metadata={"optional": True})
+    certificate_of: str = "problem"
+    nonlinearity: Mapping[str, float] | None = field(default=None, metadata={"optional": True})
 
     @classmethod
     def from_dict(cls, content: PlainMapping) -> Self:
@@ -120,4 +125,5 @@ class AthansResult(ResultData):
         continuous = ContinuousNumbers.from_dict(stated) if isinstance(stated, Mapping) else None
         first = content.get("top")
         top = TopNumbers.from_dict(first) if isinstance(first, Mapping) else None
-        return super().from_dict({**content, "continuous": continuous, "top": top})
+        of = content.get("certificate_of") or "problem"
+        return super().from_dict({**content, "continuous": continuous, "top": top, "certificate_of": of})

@@ -16,6 +16,9 @@ from occontrol.core.signal import ConstantSignal
 from occontrol.families.athans.growth import beyond_numbers
 from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.methods import METHODS
+from occontrol.families.athans.nonlinear import documents as forms
+from occontrol.families.athans.nonlinear import schema as formulas
+from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.problem import SchedulingProblem, uniform_edges
 from occontrol.families.athans.readings import schema as readings
 from occontrol.families.athans.readings.documents import DOCUMENTS as READINGS
@@ -101,7 +104,16 @@ class Document(ProblemDocument):
     expect: Expect = None
 
 
-DOCUMENTS = (Document, *READINGS)
+class FormulaDocument(Document):
+    """A problem file of the family athans with continuous sensing of a nonlinear plant."""
+
+    plant: forms.FormulaPlantEntry = Field(description=forms.PLANT)  # type: ignore[assignment]
+    sensors: list[forms.AnyFormulaSensor] = Field(description=forms.SENSORS, min_length=1)  # type: ignore[assignment]
+    integrator: forms.Integrator | None = None
+    replan: forms.Replan | None = None
+
+
+DOCUMENTS = (Document, *READINGS, FormulaDocument, *forms.OF_READINGS.values())
 
 
 def model_for(data: PlainMapping) -> type[Strict]:
@@ -111,7 +123,8 @@ def model_for(data: PlainMapping) -> type[Strict]:
     ----------
     data : the plain content of the file
     """
-    return document_for(data) or Document
+    found = document_for(data) or Document
+    return forms.OF_READINGS.get(found, FormulaDocument) if forms.given_by_formulas(data) else found
 
 
 def build(
@@ -125,11 +138,16 @@ def build(
     edges = _edges(document.horizon, context)
     method = None if document.method is None else context.method(document.method, METHODS)
     expect = context.expect(document.expect)
-    plant = plant_of(document.plant, context)  # first: what follows may name its states
+    # first: what follows may name its states
+    if isinstance(document, FormulaDocument):
+        plant, sensors = formulas.read_rate_system(document, edges, document.horizon.predict_at, context)
+    else:
+        plant = plant_of(document.plant, context)
     output = context.signal(objective.output, "objective", "output")
     running = None if objective.running is None else context.signal(objective.running, "objective", "running")
     states = 1 if plant is None else plant.states
-    sensors = [_sensor(entry, j, states, context) for j, entry in enumerate(document.sensors)]
+    if not isinstance(document, FormulaDocument):
+        sensors = [_sensor(entry, j, states, context) for j, entry in enumerate(document.sensors)]
     select = select_of(document.select, context)
     least, most = select if isinstance(select, tuple) else (0, 1 if select is None else select)
     if isinstance(select, tuple) and IDLE not in document.sensors:
@@ -231,13 +249,13 @@ def document(problem: SchedulingProblem | ReadingsProblem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
     if isinstance(problem, ReadingsProblem):
         return readings.document(problem)
-    plant = problem.plant
+    plant, linearised = problem.plant, linearisation_of(problem)
     horizon = {"edges": problem.edges.tolist(), "predict_at": problem.predict_at, **problem.integration.as_dict()}
     result = {
         "family": "athans",
         "name": problem.name,
         "horizon": horizon,
-        "plant": plant_document(plant),
+        "plant": plant_document(plant) if linearised is None else formulas.plant_document(linearised),
         "sensors": [_sensor_document(sensor, problem) for sensor in problem.sensors],
         "select": [int(problem.least), int(problem.select)] if problem.least else int(problem.select),
         "constraints": None if problem.rules is None else problem.rules.document(),
@@ -251,6 +269,7 @@ def document(problem: SchedulingProblem | ReadingsProblem) -> PlainDict:
         ),
         "method": options_document(problem.method),
         "expect": None if problem.expect is None else plain(problem.expect),
+        **({} if linearised is None else formulas.options_documents(linearised)),
     }
     return prune(result)
 
@@ -259,7 +278,9 @@ def _sensor_document(sensor: Sensor, problem: SchedulingProblem) -> PlainDict | 
     if sensor.name == IDLE and sensor.is_idle:
         return IDLE
     windows = None if sensor.windows is None else [list(window) for window in sensor.windows]
-    values = {"name": sensor.name, "C": sensor.C.document(), "noise": sensor.noise.document()}
     own = None if problem.rules is None else problem.rules.sensors.get(sensor.name)
     rules = {} if own is None else own.document()
+    if (linearised := linearisation_of(problem)) is not None:
+        return {**formulas.sensor_document(linearised.sensors[sensor.name]), **rules}
+    values = {"name": sensor.name, "C": sensor.C.document(), "noise": sensor.noise.document()}
     return prune({**values, "cost": sensor.cost.document(), "windows": windows, **rules})

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from occontrol.core.errors import Collector
+from occontrol.core.formulas import Compiled, check_formulas, stack_formulas, unknown_model
 from occontrol.core.kinds import Casadi, CasadiFunction
-from occontrol.families.precision.formulas import Compiled, check_formulas, stack_formulas, unknown_model
 
 
 def _sigmoid(x: Casadi, t: Casadi) -> Casadi:

@@ -13,8 +13,9 @@ import numpy as np
 
 from occontrol.core.checks import check_covariance, check_shape
 from occontrol.core.errors import Collector
+from occontrol.core.formulas import Compiled, check_formulas, stack_formulas, unknown_model
 from occontrol.core.kinds import ArrayField, Casadi, CasadiFunction, VectorField, unless_given
-from occontrol.families.precision.formulas import Compiled, check_formulas, stack_formulas, unknown_model
+from occontrol.numerics.flow import runge_kutta
 
 LARGEST_SIZE = 2000
 
@@ -136,12 +137,7 @@ class NonlinearPlant(Compiled):
 
         if self.step is None:
             return casadi.Function("map", [x, t], [right(x, t)])
-        h = self.step
-        k1 = right(x, t)
-        k2 = right(x + h / 2 * k1, t + h / 2)
-        k3 = right(x + h / 2 * k2, t + h / 2)
-        k4 = right(x + h * k3, t + h)
-        return casadi.Function("substep", [x, t], [x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+        return casadi.Function("substep", [x, t], [runge_kutta(right, x, t, self.step)])
 
     @cached_property
     def _function_jacobian(self) -> CasadiFunction:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter,
 from occontrol.core.errors import Collector, Path
 from occontrol.core.kinds import PlainDict
 from occontrol.core.signal import Signal
+from occontrol.core.state_labels import default_names
 from occontrol.files.plain_json import plain as plain  # for the schemas of the families
 from occontrol.files.schema.constants import Constants as ConstantValues
 from occontrol.files.schema.matrices import MatrixReader
@@ -223,7 +224,12 @@ def states_in(data: object) -> tuple[str, ...]:
     """
     given = value_at(data, ("plant", "states"))
     words = isinstance(given, list) and all(isinstance(name, str) for name in given)
-    return tuple(given) if words else ()
+    formulas = value_at(data, ("plant", "f")) or value_at(data, ("plant", "next"))  # of a nonlinear plant
+    if not isinstance(formulas, list):
+        return tuple(given) if words else ()
+    parameters = value_at(data, ("plant", "parameters"))  # states that do not move
+    named = tuple(given) if words else tuple(default_names(len(formulas)))
+    return (*named, *parameters) if isinstance(parameters, dict) else named
 
 
 def _known(methods: typing.Mapping[str, type]) -> str:

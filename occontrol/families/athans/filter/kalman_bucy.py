@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 
@@ -28,6 +29,15 @@ from occontrol.numerics.consistency import average_band
 
 OUTLIER = 1e-6  # a consistent sample lies beyond the level that is called an outlier with this probability
 COARSE_NEES = 1.2  # expected NEES per state above which the split filter is called too coarse
+
+
+class Stepped(Protocol):
+    """What a filter along a schedule says of its steps: edges (N+1,), and (N,) how many values each should bring."""
+
+    edges: np.ndarray
+
+    @property
+    def dimension(self) -> np.ndarray: ...
 
 
 def run_filter(
@@ -97,7 +107,11 @@ def _present_output(problem: SchedulingProblem, steps: Sequence[MatchedStep]) ->
 
 
 def notes_of(
-    model: SampledModel, steps: Sequence[MatchedStep], gate: float | None, instants: bool = False
+    model: SampledModel | Stepped,
+    steps: Sequence[MatchedStep],
+    gate: float | None,
+    instants: bool = False,
+    without: str = "the precomputed gains and covariances do not hold from there, they were computed anew",
 ) -> tuple[str, ...]:
     """What is worth saying after a run: outliers or what the gate left out, missing values, the average NIS.
 
@@ -107,6 +121,7 @@ def notes_of(
     steps : N+1 of them, the first before any sample
     gate : as in `run_filter`
     instants : whether a sample is a reading at the end of its interval instead of an average over it
+    without : what a missing value means
     """
     notes = [note for note in (_outlier(steps) if gate is None else _gated(steps, gate),) if note]
     arrived = np.array([s.dimension + s.skipped_values for s in steps[1:]])
@@ -116,8 +131,7 @@ def notes_of(
         start, end = model.edges[first], model.edges[first + 1]
         where = f"at {end:g}" if instants else f"over [{start:g}, {end:g}]"
         notes.append(
-            f"{lost} of {planned} planned values are missing, the first {where}: the precomputed gains and "
-            "covariances do not hold from there, they were computed anew"
+            f"{lost} of {planned} planned values are missing, the first {where}: {without}"
         )
     values = int(sum(s.dimension for s in steps))
     if values:

@@ -101,6 +101,12 @@ def _samples(problem: ReadingsProblem, S0: np.ndarray) -> tuple[np.ndarray, np.n
     """F, Q (N+1, n, n) between readings, the charges (N, n, n) of the running weight, and its constant."""
     n, since, start = problem.states, cast(SampleTimes, problem.clock).since, problem.clock.start
     a, b = since[:-1], since[1:]
+    if (known := problem.gaps) is not None:  # of a linearised plant
+        F, Q = known.transition[:-1], known.noise[:-1]
+        if problem.running is None or problem.running_at != "integral":
+            return F, Q, _symmetric(problem.running, problem.clock.times, n), 0.0
+        M, c = known.charges(problem.running)
+        return F, Q, M[1:-1], float(np.sum(M[0] * S0)) + float(np.sum(c[:-1]))
     if problem.running is None or problem.running_at != "integral":
         F, Q = transitions(problem.plant.A, problem.plant.noise, a, b, start)
         return F, Q, _symmetric(problem.running, problem.clock.times, n), 0.0
@@ -119,6 +125,9 @@ def terminal_weight(problem: ReadingsProblem) -> tuple[np.ndarray, float]:
     D = problem.output.at(problem.output_at)
     if problem.discrete:
         return D.T @ D, 0.0
+    if (known := problem.gaps) is not None:
+        predicted = D @ known.transition[-1]
+        return predicted.T @ predicted, float(np.trace(D @ known.noise[-1] @ D.T))
     start, last = problem.clock.start, cast(SampleTimes, problem.clock).since[-1:]
     at = np.array([float(problem.predict_at or 0.0) - start])
     F, Q = transitions(problem.plant.A, problem.plant.noise, np.minimum(last, at), at, start)

@@ -25,6 +25,7 @@ from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.readings.checks import missed_readings, selection, values
 from occontrol.families.athans.readings.clock import SampleTimes, Steps
 from occontrol.families.athans.readings.feasible import require_budget, require_places
+from occontrol.families.athans.readings.known_gaps import KnownGaps
 from occontrol.families.athans.readings.statement import wrong_rules
 from occontrol.families.athans.rules.statement import Constraints
 
@@ -99,7 +100,7 @@ class ReadingsProblem(AthansProblem):
         found.raise_if_any()
         set_(self, "select", allowed)
         least, most = self.select
-        if least < most and not any(s.is_idle for s in self.sensors):
+        if (least < most or self.opens) and not any(s.is_idle for s in self.sensors):
             set_(self, "sensors", SensorSuite((*self.sensors, idle_sensor(self.plant.states))))
         found.mistakes += wrong_rules(self.rules, self.minimise, self.sensors, self.places, self.discrete, self.budget)
         if not (np.isfinite(self.cost_weight) and self.cost_weight >= 0):
@@ -187,6 +188,11 @@ class ReadingsProblem(AthansProblem):
         return isinstance(self.clock, Steps)
 
     @property
+    def gaps(self) -> KnownGaps | None:
+        """The maps between readings where the plant is given by them; None: they follow from A(t)."""
+        return getattr(self.plant, "gaps", None)
+
+    @property
     def output_at(self) -> float:
         """The time, or the k, at which D is evaluated."""
         if not self.discrete:
@@ -243,7 +249,17 @@ class ReadingsProblem(AthansProblem):
                 open_[:, j] = most - least
             elif sensor.windows is not None:
                 open_[:, j] = [sensor.readable(t) for t in self.clock.times]
+        if self.opens:  # where too few sensors see the nominal path, idle fills the places
+            idle = next(j for j, s in enumerate(self.sensors) if s.is_idle)
+            others = np.sum(np.delete(open_, idle, axis=1), axis=1)
+            open_[:, idle] = np.maximum(open_[:, idle], np.maximum(most - others, 0.0))
         return np.minimum.reduceat(open_, self.first_readings, axis=0)
+
+    @property
+    def opens(self) -> bool:
+        """Whether idle opens where nothing sees the nominal path of a nonlinear plant."""
+        origin = getattr(self.plant, "linearised", None)
+        return origin is not None and origin.hides
 
     @cached_property
     def first_readings(self) -> np.ndarray:

@@ -6,11 +6,15 @@ import numpy as np
 
 from occontrol.core.errors import Path, ProblemError
 from occontrol.core.kinds import PlainDict
-from occontrol.core.plant import DiscretePlant
+from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal, Signal
 from occontrol.families.athans.growth import beyond_numbers
 from occontrol.families.athans.methods import METHODS
+from occontrol.families.athans.nonlinear.documents import FormulaSamplesDocument, FormulaStepsDocument
+from occontrol.families.athans.nonlinear.linearise import linearisation_of
+from occontrol.families.athans.nonlinear.schema import options_documents, read_system, sensor_document
+from occontrol.families.athans.nonlinear.schema import plant_document as formula_plant_document
 from occontrol.families.athans.readings.clock import SampleTimes, Steps, evenly
 from occontrol.families.athans.readings.documents import (
     ReadingsObjective,
@@ -41,19 +45,17 @@ def build(document: StepsDocument | SamplesDocument, context: Context) -> Readin
     if isinstance(document, StepsDocument):
         horizon = document.horizon
         clock = context.attempt(Steps, "horizon", steps=horizon.steps, epoch=horizon.epoch)
-        plant = _steps_plant(document.plant, context)
         predict_at = None
     else:
         clock = _sample_times(document.horizon, context)
-        plant = plant_of(document.plant, context)
         predict_at = document.horizon.predict_at
+    plant, sensors = _system(document, clock, variable, context)
     states = 1 if plant is None else plant.states
     method = None if document.method is None else context.method(document.method, METHODS)
     output = _output(objective, predict_at, states, variable, context)
     running = None
     if objective.running is not None:
         running = context.signal(objective.running, "objective", "running", variable=variable)
-    sensors = [_sensor(entry, j, states, variable, context) for j, entry in enumerate(document.sensors)]
     select = select_of(document.select, context)
     expect = context.expect(document.expect)
     if plant is None or clock is None:
@@ -83,6 +85,26 @@ def build(document: StepsDocument | SamplesDocument, context: Context) -> Readin
         found.mistakes += beyond_numbers(problem.plant, np.array([problem.clock.start, problem.clock.end]))
         found.raise_if_any()
     return problem
+
+
+def _system(
+    document: StepsDocument | SamplesDocument, clock: Steps | SampleTimes | None, variable: str, context: Context
+) -> tuple[LinearPlant | DiscretePlant | None, list[Sensor]]:
+    """The plant and its sensors; None for the plant where nothing can be made of it."""
+    if isinstance(document, FormulaStepsDocument | FormulaSamplesDocument):
+        origin, since = (0.0, np.zeros(0)) if clock is None else (clock.start, clock.nodes)
+        if isinstance(clock, SampleTimes):
+            later = (document.horizon.predict_at or clock.end) - clock.start  # type: ignore[union-attr]
+            since = np.append(clock.since, max(later, clock.since[-1]))
+        looked = np.zeros(0) if clock is None else clock.times
+        kind = "steps" if isinstance(document, FormulaStepsDocument) else "samples"
+        return read_system(document, kind, origin, since, looked, context) or (None, [])
+    if isinstance(document, StepsDocument):
+        plant = _steps_plant(document.plant, context)
+    else:
+        plant = plant_of(document.plant, context)
+    states = 1 if plant is None else plant.states
+    return plant, [_sensor(entry, j, states, variable, context) for j, entry in enumerate(document.sensors)]
 
 
 def _output(
@@ -196,16 +218,17 @@ def _reading_noise(entry: SamplesSensor, j: int, context: Context) -> Signal | N
 def document(problem: ReadingsProblem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
     clock, plant, least_most = problem.clock, problem.plant, list(problem.select)
+    linearised = linearisation_of(problem)
     if isinstance(clock, Steps):
         horizon: PlainDict = {"steps": clock.steps, "epoch": clock.epoch}
-        system = {"F": plant.F.document(), "G": or_none(plant.G), "Q": plant.Q.document()}
-        system |= labels_document(plant)
-        system["initial"] = {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()}
+        system = {} if linearised is not None else _steps_document(plant)
     else:
         horizon = {"start": clock.start, "end": clock.end, "sample_times": clock.times.tolist()}
         nothing = problem.running is not None and not np.any(problem.output.at(problem.output_at))
         horizon["predict_at"] = None if nothing else problem.predict_at
-        system = plant_document(plant)
+        system = {} if linearised is not None else plant_document(plant)
+    if linearised is not None:
+        system = formula_plant_document(linearised)
     stated = not (problem.running is not None and not np.any(problem.output.at(problem.output_at)))
     objective = {
         "cost_weight": float(problem.cost_weight),
@@ -228,8 +251,14 @@ def document(problem: ReadingsProblem) -> PlainDict:
         "objective": prune(objective),
         "method": options_document(problem.method),
         "expect": None if problem.expect is None else plain(problem.expect),
+        **({} if linearised is None else options_documents(linearised)),
     }
     return prune(result)
+
+
+def _steps_document(plant: DiscretePlant) -> PlainDict:
+    system = {"F": plant.F.document(), "G": or_none(plant.G), "Q": plant.Q.document(), **labels_document(plant)}
+    return {**system, "initial": {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()}}
 
 
 def _sensor_document(sensor: Sensor, problem: ReadingsProblem) -> PlainDict | str:
@@ -237,7 +266,9 @@ def _sensor_document(sensor: Sensor, problem: ReadingsProblem) -> PlainDict | st
         return IDLE
     windows = None if sensor.windows is None else [list(window) for window in sensor.windows]
     C, R = ("H", "R") if problem.discrete else ("C", "noise")
-    values = {"name": sensor.name, C: sensor.C.document(), R: sensor.noise.document()}
     own = None if problem.rules is None else problem.rules.sensors.get(sensor.name)
     stated = {} if own is None else own.document()
+    if (linearised := linearisation_of(problem)) is not None:
+        return {**sensor_document(linearised.sensors[sensor.name]), **stated}
+    values = {"name": sensor.name, C: sensor.C.document(), R: sensor.noise.document()}
     return prune({**values, "cost": sensor.cost.document(), "windows": windows, **stated})
