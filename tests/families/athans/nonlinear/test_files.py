@@ -67,14 +67,14 @@ REFUSED = {
         ('f: [rate, "exp(exp(5*rate + 9))"]', "not finite after t ="),
         ("next: [rate, angle]", "next is the state one step later, and the horizon is of times"),
         ("f: [rate, angle]\n  next: [rate, angle]", "the plant has both 'f' and 'next'"),
-        ("f: [rate, angle]\n  parameters: {angle: {mean: 1, sd: 1}}", "the name 'angle' is used twice"),
+        ("f: [rate, angle]\n  parameters: {angle: {mean: 1, sd: 1}}", "the state name 'angle' stands twice"),
         ("f: [rate, angle]\n  parameters: {p: {mean: 1, sd: -1}}", "parameter 'p' has no usable 'sd'"),
         ("f: [rate, angle]\n  stats: [a, b]", "did you mean 'states'?"),
     ],
     "states: [angle, rate]": [
-        ("states: [angle, sin]", "'sin' cannot be the name of a state: it is a function"),
-        ("states: [angle, t]", "'t' cannot be the name of a state: it is the time"),
-        ("states: [angle, 'a b']", "'a b' cannot be the name of a state"),
+        ("states: [angle, sin]", "the state name 'sin' is a function of formulas"),
+        ("states: [angle, t]", "the state name 't' is time in formulas"),
+        ("states: [angle, 'a b']", "the name of state 2 is 'a b'"),
         ("states: [angle]", "uses the unknown name 'rate'"),
     ],
     'visible: "0.7 - abs(angle)"': [
