@@ -210,7 +210,10 @@ def _sensor(
     visible = None
     if entry.visible is not None:
         read = context.entries(entry.visible, *path, "visible", variables=known)
-        if read is None:
+        if read is not None and len(read) != 1:
+            what = f"visible of sensor '{entry.name}' has {len(read)} entries"
+            found.add((*path, "visible"), what, "one formula, above 0 where the sensor can be used")
+        if len(found.mistakes) > before or read is None:
             return None
         visible = read[0]
     return context.attempt(

@@ -79,7 +79,7 @@ REFUSED = {
     ],
     'visible: "0.7 - abs(angle)"': [
         ('visible: "angle - 9"', "sensor 'camera' never sees the nominal path"),
-        ("visible: [1]", "visible"),
+        ("visible: [1, 2]", "visible of sensor 'camera' has 2 entries"),
         ("angle: [true]", "angle of sensor 'camera' has 1 entries, its h has 2 values"),
         ("every: 2", "every belongs to continuous sensing"),
     ],
