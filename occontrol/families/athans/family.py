@@ -6,10 +6,10 @@ Two kinds of problems, one family: each call goes to the half that a problem bel
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from occontrol.core.errors import Mistake
-from occontrol.core.kinds import PlainDict
+from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.measurement import OnlineLoop
 from occontrol.core.method import Method
 from occontrol.core.result import ResultData
@@ -127,7 +127,7 @@ class AthansFamily(RateFamily):
         return self._half(problem).sensitivity(problem, solution, monitor, change)
 
 
-def _renamed(options: Mapping[str, Any]) -> PlainDict:
+def _renamed(options: PlainMapping) -> PlainDict:
     """The options of a filter in the words of a nonlinear one."""
     return {{"model": "estimator"}.get(name, name): value for name, value in options.items()}
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
-from occontrol.core.kinds import PlainDict, PlainMapping
+from occontrol.core.kinds import Plain, PlainDict, PlainMapping
 from occontrol.families.athans.readings.documents import SamplesDocument, StepsDocument
 from occontrol.families.athans.rules.schema import SensorKeys
 from occontrol.families.athans.schema_parts import Initial, sensor_kind
@@ -15,8 +15,8 @@ from occontrol.files.schema.common import Entries, Labels, Matrix, Strict, Whole
 
 _FORMULA: PlainDict = {"type": ["number", "string"]}
 _FLAGS: PlainDict = {"anyOf": [{"type": "boolean"}, {"type": "array", "items": {"type": "boolean"}}]}
-Formula = Annotated[Any, WithJsonSchema(_FORMULA)]
-Flags = Annotated[Any, WithJsonSchema(_FLAGS)]
+Formula = Annotated[Plain, WithJsonSchema(_FORMULA)]
+Flags = Annotated[Plain, WithJsonSchema(_FLAGS)]
 
 
 class Parameter(Strict):
