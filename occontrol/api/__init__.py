@@ -11,9 +11,9 @@ from occontrol.api.files import (
     read_problem,
     read_run,
     read_schedule,
-    write_report,
     write_run,
 )
+from occontrol.api.pages import rewrite_report, write_report
 from occontrol.api.problems import (
     certify,
     choose_method,
@@ -53,6 +53,7 @@ __all__ = [
     "read_run",
     "read_schedule",
     "require",
+    "rewrite_report",
     "run_filter",
     "sensitivity",
     "simulate",

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from occontrol.api.problems import family_of, figures_of
+from occontrol.api.problems import family_of
 from occontrol.core.errors import Mistake, ProblemError
-from occontrol.core.kinds import PlainDict, PlainMapping
+from occontrol.core.kinds import PlainDict
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
 from occontrol.families import find_family, names
@@ -84,17 +84,6 @@ def write_run(
     from occontrol.files import run_folder
 
     return run_folder.write_run(folder, document(problem), solution, extras)
-
-
-def write_report(folder: Path, problem: BaseProblem, solution: Solution, content: PlainMapping) -> None:
-    """Every figure of a solution as a picture below `folder`, and report.html with the `content` of result.json."""
-    from occontrol.files.report import write_pictures_and_report
-
-    family = family_of(problem)
-    rows = [("family", family.name), ("status", f"{solution.status}: {solution.message or solution.status.text}")]
-    rows += family.summarise(problem, solution)
-    rows.append(("versions", ", ".join(f"{name} {text}" for name, text in content.get("versions", {}).items())))
-    write_pictures_and_report(folder, str(problem.name), rows, figures_of(problem, solution))
 
 
 def read_run(folder: str | Path) -> tuple[BaseProblem, Solution]:

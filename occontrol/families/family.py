@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from occontrol.core.monitor import Monitor
     from occontrol.core.schedule import Schedule
     from occontrol.core.solution import Solution
+    from occontrol.files.page import Group, Table
 
 
 NOTHING = Asked()
@@ -112,6 +113,16 @@ class Family(Protocol):
         from occontrol.files.figures.estimates import draw
 
         return draw(problem, solution, estimate, truth)
+
+    def groups(self, problem: BaseProblem, solution: Solution) -> list[Group]:
+        """What the page of a solution draws: panels over one axis of time, in groups that zoom together."""
+        from occontrol.files.page.usual import usual_groups
+
+        return usual_groups(problem, solution)
+
+    def tables(self, problem: BaseProblem, solution: Solution) -> list[Table]:
+        """Tables of the page of a solution, beside those of its schedule and its sensors."""
+        return []
 
     def method_named(self, problem: BaseProblem, name: str) -> Method | None:
         """The method that carries an argument in its name, such as fixed:radar; None for any other name."""

@@ -231,7 +231,7 @@ def test_a_picture_that_cannot_be_drawn_costs_nobody_the_result(
     def fail(*_: object) -> None:
         raise ValueError("no ink")
 
-    monkeypatch.setattr("occontrol.api.files.figures_of", fail)
+    monkeypatch.setattr("occontrol.api.pages.figures_of", fail)
     assert run(["solve", str(small_file)]) == 0
     assert "the figures could not be drawn: ValueError: no ink" in capsys.readouterr().err
     assert read_run("runs/radars")[1].status is Status.CERTIFIED

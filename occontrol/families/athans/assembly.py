@@ -51,9 +51,10 @@ def assemble(
     relaxed = found.relaxed
     known = max(found.bound, relaxed.lower_bound if relaxed is not None else -np.inf)
     evaluated = integrator.evaluate(v)
-    policies = [evaluated.judged(r)]
+    policies, ideal = [evaluated.judged(r)], evaluated
     if relaxed is not None and relaxed.weights is not v:
-        policies.append(integrator.evaluate(relaxed.weights).judged(r))
+        ideal = integrator.evaluate(relaxed.weights)
+        policies.append(ideal.judged(r))
     proof = prove(policies, allowed, known)
     certificate = proof.certificate
     monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
@@ -130,6 +131,7 @@ def assemble(
     }
     if relaxed is not None:
         arrays["relaxed_weights"] = relaxed.weights
+        arrays["relaxed_switching"] = ideal.gradient / problem.steps[:, None]
     return make_solution(
         problem=problem,
         method=name,

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from occontrol.core.schedule import Schedule
     from occontrol.core.solution import Solution
     from occontrol.core.trajectory import Trajectory
+    from occontrol.files.page import Group
 
 
 class AthansFamily(RateFamily):
@@ -68,6 +69,10 @@ class AthansFamily(RateFamily):
     def figures(self, problem: AthansProblem, solution: Solution) -> dict[str, Figure]:
         """overview, and the panels of it by themselves."""
         return self._half(problem).figures(problem, solution)
+
+    def groups(self, problem: AthansProblem, solution: Solution) -> list[Group]:
+        """The panels of the page of a schedule."""
+        return self._half(problem).groups(problem, solution)
 
     def compare_figure(self, problem: AthansProblem, solutions: Mapping[str, Solution]) -> Figure | None:
         """Schedules, costs and bounds of several methods below each other."""

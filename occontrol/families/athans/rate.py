@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from occontrol.core.trajectory import Trajectory
     from occontrol.families.athans.filter.online import MatchedFilter
     from occontrol.families.athans.tradeoff import Front
+    from occontrol.files.page import Group
 
 
 class RateFamily(Family):
@@ -103,6 +104,12 @@ class RateFamily(Family):
         from occontrol.families.athans.figures import draw
 
         return draw(problem, solution)
+
+    def groups(self, problem: SchedulingProblem, solution: Solution) -> list[Group]:
+        """The panels of the page of a schedule."""
+        from occontrol.families.athans.page import rate_groups
+
+        return rate_groups(problem, solution)
 
     def compare_figure(self, problem: SchedulingProblem, solutions: Mapping[str, Solution]) -> Figure | None:
         """Schedules, costs and bounds of several methods below each other."""

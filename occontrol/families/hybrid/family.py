@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from occontrol.files.page import Group
+
 MOST_FIXED = 3  # groups that `compare` shows one by one
 
 
@@ -94,6 +96,12 @@ class Hybrid(Family):
         from occontrol.families.hybrid.figures import draw
 
         return draw(problem, solution)
+
+    def groups(self, problem: Problem, solution: Solution) -> list[Group]:
+        """The panels of the page of a solution."""
+        from occontrol.families.hybrid.page import groups
+
+        return groups(problem, solution)
 
     def compare_figure(self, problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
         """One figure of several `solutions` by method name."""

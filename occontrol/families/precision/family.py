@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from occontrol.files.page import Group, Table
+
 
 class Precision(Family):
     """The family of Das & Bhattacharya: README.md beside this file has the equations."""
@@ -94,6 +96,18 @@ class Precision(Family):
         from occontrol.families.precision.figures import draw
 
         return draw(problem, solution)
+
+    def groups(self, problem: Problem, solution: Solution) -> list[Group]:
+        """The panels of the page of a solution."""
+        from occontrol.families.precision.page import groups
+
+        return groups(problem, solution)
+
+    def tables(self, problem: Problem, solution: Solution) -> list[Table]:
+        """Tables of the page of a solution."""
+        from occontrol.families.precision.page import tables
+
+        return tables(problem, solution)
 
     def compare_figure(self, problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
         """The precisions of several methods side by side."""

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from occontrol.core.claims import Claims
     from occontrol.families.robust.online import OnlineSwitching
+    from occontrol.files.page import Group, Table
 
 
 class Robust(Family):
@@ -97,6 +98,18 @@ class Robust(Family):
         from occontrol.families.robust.figures import draw
 
         return draw(problem, solution)
+
+    def groups(self, problem: Problem, solution: Solution) -> list[Group]:
+        """The panels of the page of a solution."""
+        from occontrol.families.robust.page import groups
+
+        return groups(problem, solution)
+
+    def tables(self, problem: Problem, solution: Solution) -> list[Table]:
+        """Tables of the page of a solution."""
+        from occontrol.families.robust.page import tables
+
+        return tables(solution)
 
     def compare_figure(self, problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
         """Size over time and schedule of several methods."""

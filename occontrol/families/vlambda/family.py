@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from occontrol.core.claims import Claims
     from occontrol.families.vlambda.online import OnlineSelector
+    from occontrol.files.page import Group
 
 MOST_FIXED = 12  # groups that `compare` shows one by one
 
@@ -94,6 +95,12 @@ class VLambda(Family):
         from occontrol.families.vlambda.figures import draw
 
         return draw(problem, solution)
+
+    def groups(self, problem: Problem, solution: Solution) -> list[Group]:
+        """The panels of the page of a solution."""
+        from occontrol.families.vlambda.page import groups
+
+        return groups(problem, solution)
 
     def compare_figure(self, problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
         """One figure of several `solutions` by method name."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from occontrol.core.trajectory import Trajectory
     from occontrol.families.athans.filter.online import MatchedFilter
     from occontrol.families.athans.tradeoff import Front
+    from occontrol.files.page import Group
 
 
 class ReadingsFamily(RateFamily):
@@ -65,6 +66,12 @@ class ReadingsFamily(RateFamily):
         from occontrol.families.athans.readings.figures import draw
 
         return draw(problem, solution)
+
+    def groups(self, problem: ReadingsProblem, solution: Solution) -> list[Group]:
+        """The panels of the page of a schedule."""
+        from occontrol.families.athans.page import readings_groups
+
+        return readings_groups(problem, solution)
 
     def compare_figure(self, problem: ReadingsProblem, solutions: Mapping[str, Solution]) -> Figure | None:
         """Readings, costs and bounds of several methods below each other."""

@@ -1,0 +1,74 @@
+"""The pages of runs: what the toolkit in files needs to know of a family is found here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from occontrol.api.files import document, read_run
+from occontrol.api.problems import family_of, figures_of
+from occontrol.core.kinds import PlainMapping
+from occontrol.core.problem import BaseProblem
+from occontrol.core.solution import Solution
+
+
+def write_report(
+    folder: Path,
+    problem: BaseProblem,
+    solution: Solution,
+    content: PlainMapping,
+    static: bool = False,
+    origin: PlainMapping | None = None,
+) -> None:
+    """Every figure of a solution as a picture below `folder`, and report.html.
+
+    Parameters
+    ----------
+    folder : where to write
+    problem, solution : what the page is about
+    content : of result.json
+    static : pictures in the place of panels
+    origin : of provenance.json; that of this process if left out
+    """
+    from occontrol.files.page.document import write_page
+    from occontrol.files.page.pictures import pictures_of
+    from occontrol.files.page.run_page import RunParts, run_page
+    from occontrol.files.provenance import provenance
+    from occontrol.files.run_record import FIGURES, REPORT
+
+    schedule, family = solution.schedule, family_of(problem)
+    parts = RunParts(
+        name=str(problem.name),
+        content=content,
+        document=document(problem),
+        rows=family.summarise(problem, solution),
+        schedule=content.get("schedule") if schedule is None else schedule.segments(),
+        groups=family.groups(problem, solution),
+        tables=family.tables(problem, solution),
+        pictures=pictures_of(figures_of(problem, solution), folder / FIGURES),
+        origin=provenance() if origin is None else origin,
+    )
+    write_page(folder / REPORT, run_page(parts), static)
+
+
+def rewrite_report(folder: str | Path, static: bool = False) -> Path:
+    """Draw the pictures and the page of a run again; its numbers stay as they are.
+
+    Parameters
+    ----------
+    folder : the run folder; everything in it is switched at once
+    static : pictures in the place of panels
+
+    Returns the path of the page. Raises ProblemError for a damaged run folder, FileAccessError when it cannot be read
+    or written.
+    """
+    from occontrol.files.run_rewrite import rewritten
+    from occontrol.files.run_show import shown_run
+
+    problem, solution = read_run(folder)
+    content, origin = shown_run(folder)
+
+    def draw(stage: Path, result: Mapping) -> None:
+        write_report(stage, problem, solution, result, static, origin or {})
+
+    return rewritten(folder, content, draw)
