@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from occontrol.api.problems import family_of
-from occontrol.core.errors import Mistake, ProblemError
+from occontrol.core.errors import Mistake, ProblemError, UsageError
 from occontrol.core.kinds import PlainDict
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
@@ -150,21 +150,31 @@ def read_measurements(path: str | Path, problem: BaseProblem | None = None) -> l
     return data_files.read_measurements(path, problem)
 
 
-def export_run(run: str | Path, to: str, out: str | Path | None = None) -> list[Path]:
+def export_run(run: str | Path, to: str, out: str | Path | None = None, **options: Any) -> list[Path]:
     """Write a run for another tool; the run folder alone is enough.
 
     Parameters
     ----------
     run : the run folder
-    to : csv, json, npz, mat or c
+    to : csv, json, npz, mat, c or matlab; flight or fmu for code that runs the schedule and its filter
     out : file or folder to write, instead of the format's own place inside the run folder
+    options : of flight code and FMUs, by name: precision ("double" or "single"), gains_only, no_plan, prefix; of FMUs
+        also fmi (2 or 3) and build
 
-    Returns the files written. Raises UsageError for an unknown format, ProblemError for a damaged run folder,
-    FileAccessError when the files cannot be written.
+    Returns the files written. Raises UsageError for an unknown format, for options that the format does not take and
+    for families without a filter for a target, ProblemError for a damaged run folder, FileAccessError when the files
+    cannot be written.
     """
-    from occontrol.files.export import check_format, write_export
+    from occontrol.files.export import TARGETS, check_format, write_export
 
     check_format(to)
+    if to in TARGETS:
+        from occontrol.api.target import export_target
+
+        return export_target(run, to, out, **options)
+    if options:
+        words = ", ".join(options)
+        raise UsageError(f"--to {to} has no {words}\n  hint: that is for --to {' or '.join(TARGETS)}")
     problem, solution = read_run(run)
     tables = family_of(problem).filter_tables(problem, solution)
     return write_export(problem, solution, tables, to, Path(run), out)

@@ -10,7 +10,7 @@ import typer
 
 from occontrol.cli.export import RunFolder
 from occontrol.cli.output import note
-from occontrol.core.errors import Mistake
+from occontrol.core.errors import Mistake, ProblemError, UsageError
 from occontrol.core.problem import BaseProblem
 
 if TYPE_CHECKING:
@@ -21,8 +21,12 @@ if TYPE_CHECKING:
 
 def filter_measurements(
     run: RunFolder,
-    measurements: Annotated[Path, typer.Argument(metavar="MEASUREMENTS", help="Measurement file.", show_default=False)],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="CSV", help="File to write.", show_default=False)],
+    measurements: Annotated[
+        Path, typer.Argument(metavar="MEASUREMENTS", help="Measurement file; - for JSON lines.", show_default=False)
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="CSV", help="File to write.", show_default=False)
+    ] = None,
     model: Annotated[
         str | None,
         typer.Option("--model", help="split [default], exact (coarse grids); of nonlinear plants ekf, iterated, ukf."),
@@ -37,9 +41,11 @@ def filter_measurements(
     ] = None,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw pictures beside the CSV.")] = True,
 ) -> int:
-    """Estimate the state, and predict the output, from a file of measurements; the run folder is all it needs."""
+    """Estimate the state, and predict the output, from a file of measurements; the run folder is all it needs.
+
+    With - a line {"t": .., "readings": {"NAME": [..]}} on standard input gives a line of answer on standard output.
+    """
     from occontrol.api import family_of, read_measurements, read_run, run_filter
-    from occontrol.core.errors import ProblemError
     from occontrol.core.state_labels import state_names
     from occontrol.files.atomic import refuse_same
     from occontrol.files.run_record import refuse_run_files
@@ -47,13 +53,19 @@ def filter_measurements(
     from occontrol.files.truth_file import read_truth
     from occontrol.numerics.consistency import judge_run
 
+    options = {name: value for name, value in (("model", model), ("gate", gate)) if value is not None}
+    if str(measurements) == "-":
+        if out is not None or truth is not None:
+            raise UsageError("with - the answers go to standard output\n  hint: no --out, no --truth")
+        return _stream(run, options)
+    if out is None:
+        raise UsageError("a file is needed for the estimates\n  hint: --out estimate.csv")
     beside = measurements.with_name(measurements.stem + ".truth.csv")
     source = truth or (beside if beside.exists() else None)
     refuse_same([out], [measurements, source])
     refuse_run_files(run, out)
     problem, solution = read_run(run)
     samples = read_measurements(measurements, problem)
-    options = {name: value for name, value in (("model", model), ("gate", gate)) if value is not None}
     try:
         estimate = run_filter(problem, solution, samples, **options)
     except ProblemError as error:
@@ -68,6 +80,22 @@ def filter_measurements(
     written = _draw(problem, solution, estimate, known, out) if figures else []
     note(f"{len(estimate.times)} estimates in {out}" + (f", pictures in {', '.join(written)}" if written else ""))
     return 0
+
+
+def _stream(run: Path, options: dict) -> int:
+    """Answer lines until there are no more; 3 if one of them was refused."""
+    import json
+    import sys
+
+    from occontrol.api import read_run
+    from occontrol.api.stream import filter_stream
+
+    problem, solution = read_run(run)
+    refused = False
+    for answer in filter_stream(problem, solution, sys.stdin, **options):
+        refused |= "error" in answer
+        print(json.dumps(answer, allow_nan=False), flush=True)
+    return ProblemError.exit_code if refused else 0
 
 
 def _in_file(mistake: Mistake, file: Path) -> Mistake:

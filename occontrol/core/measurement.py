@@ -94,6 +94,16 @@ class Estimate:
 class OnlineLoop(Protocol):
     """What runs in a loop on a target, such as MatchedFilter: each family's own class says what it takes and gives."""
 
+    @property
+    def next_sensors(self) -> tuple[str, ...]:
+        """Names of the sensors to read next; () for none, and at the end."""
+        ...
+
+    @property
+    def times_left(self) -> np.ndarray:
+        """The times of the steps that are left, as in a measurement file, in the unit of time; empty at the end."""
+        ...
+
     def step(self, measurements: Mapping[str, np.ndarray] | None = None) -> Step:
         """The estimate and what to measure next, after `measurements` (m,) by the name of each sensor that was read."""
         ...

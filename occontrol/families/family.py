@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from occontrol.core.monitor import Monitor
     from occontrol.core.schedule import Schedule
     from occontrol.core.solution import Solution
+    from occontrol.core.target import TargetPlan
     from occontrol.files.page import Group, Table
 
 
@@ -154,6 +155,17 @@ class Family(Protocol):
         """Arrays {name: array} from which another program runs the filter; empty where there are none."""
         return {}
 
+    def target_plan(self, problem: BaseProblem, solution: Solution) -> TargetPlan:
+        """The schedule, and the filter along it where there is one, for code on a target.
+
+        Parameters
+        ----------
+        problem, solution : of the run
+
+        Raises UsageError where the family has nothing that another computer could follow.
+        """
+        raise UsageError(f"family {self.name} has no schedule and no filter for a target")
+
     def converted(self, problem: BaseProblem, family: str, asked: Asked = NOTHING) -> tuple[PlainDict, list[str]]:
         """The problem as a document of another family, and sentences on what is left behind.
 
@@ -194,6 +206,20 @@ class Family(Protocol):
     ) -> OnlineLoop:
         """The object for a loop on a target: `step(measurements) -> Step` (core/measurement.py)."""
         self._cannot(Ability.ONLINE)
+
+    def filter_loop(self, problem: BaseProblem, solution: Solution, **options: object) -> OnlineLoop:
+        """The filter of `run_filter`, step by step, with the same options.
+
+        Parameters
+        ----------
+        problem, solution : of the run
+        options : as of `run_filter`
+
+        Raises UsageError for an option that the family does not have.
+        """
+        if options:
+            raise UsageError(f"the filter of family {self.name} has no {', '.join(options)}")
+        return self.online(problem, solution)
 
     def tradeoff(self, problem: BaseProblem, cost_weights: Sequence[float], monitor: Monitor) -> Tradeoff:
         """The certified front of observation cost against prediction error."""

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from occontrol.core.monitor import Monitor
     from occontrol.core.schedule import Schedule
     from occontrol.core.solution import Solution
+    from occontrol.core.target import TargetPlan
     from occontrol.core.trajectory import Trajectory
     from occontrol.files.page import Group
 
@@ -115,11 +116,28 @@ class AthansFamily(RateFamily):
             return NonlinearFilter(problem, schedule_of(solution))
         return self._half(problem).online(problem, solution, method)
 
+    def filter_loop(self, problem: AthansProblem, solution: Solution, **options: object) -> OnlineLoop:
+        """The matched filter of a `solution` of a `problem`, step by step; `options`: model and gate."""
+        if linearisation_of(problem) is not None:
+            from occontrol.families.athans.nonlinear.online import NonlinearFilter
+
+            return NonlinearFilter(problem, schedule_of(solution), **_renamed(options))
+        return self._half(problem).filter_loop(problem, solution, **options)
+
     def filter_tables(self, problem: AthansProblem, solution: Solution) -> PlainDict:
         """The matched filter as plain arrays; none of a nonlinear plant, whose filter linearises as it goes."""
         if linearisation_of(problem) is not None:
             return {}
         return self._half(problem).filter_tables(problem, solution)
+
+    def target_plan(self, problem: AthansProblem, solution: Solution) -> TargetPlan:
+        """The schedule of a `solution` to a `problem`, and its filter unless the plant is nonlinear, for a target."""
+        if linearisation_of(problem) is not None:
+            from occontrol.core.target import schedule_alone
+
+            why = "the filter of a nonlinear plant linearises as it goes, and that step is not written"
+            return schedule_alone(schedule_of(solution), why)
+        return self._half(problem).target_plan(problem, solution)
 
     def tradeoff(self, problem: AthansProblem, cost_weights: Sequence[float], monitor: Monitor) -> Tradeoff:
         """Observation cost against prediction error over the cost weight alpha."""

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from occontrol.core.claims import Claims
     from occontrol.core.measurement import Estimate, Measurement
     from occontrol.core.monitor import Monitor
+    from occontrol.core.target import TargetPlan
     from occontrol.core.trajectory import Trajectory
     from occontrol.families.athans.filter.online import MatchedFilter
     from occontrol.families.athans.tradeoff import Front
@@ -168,6 +169,15 @@ class RateFamily(Family):
             raise UsageError(f"{what}\n  hint: online(problem, solve(problem))")
         return MatchedFilter(problem, schedule_of(solution))
 
+    def filter_loop(
+        self, problem: SchedulingProblem, solution: Solution, model: str | None = None, gate: float | None = None
+    ) -> MatchedFilter:
+        """The filter of `run_filter` step by step, with the same options."""
+        from occontrol.families.athans.filter.online import MatchedFilter
+        from occontrol.families.athans.filter.planned import default_model
+
+        return MatchedFilter(problem, schedule_of(solution), model or default_model(solution.result), gate=gate)
+
     def filter_tables(self, problem: SchedulingProblem, solution: Solution) -> PlainDict:
         """The matched filter as plain arrays, see filter/tables.py."""
         from occontrol.families.athans.filter.planned import default_model
@@ -176,6 +186,13 @@ class RateFamily(Family):
         if solution.schedule is None:
             return {}
         return filter_tables(problem, schedule_of(solution), default_model(solution.result))
+
+    def target_plan(self, problem: SchedulingProblem, solution: Solution) -> TargetPlan:
+        """The `solution`'s schedule of a `problem` and its filter, for code on a target, see filter/target.py."""
+        from occontrol.families.athans.filter.planned import default_model
+        from occontrol.families.athans.filter.target import target_plan
+
+        return target_plan(problem, schedule_of(solution), default_model(solution.result))
 
     def tradeoff(self, problem: SchedulingProblem, cost_weights: Sequence[float], monitor: Monitor) -> Front:
         """Observation cost against prediction error over the cost weight alpha; UsageError for rules."""

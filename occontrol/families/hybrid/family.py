@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from occontrol.core.target import TargetPlan
     from occontrol.files.page import Group
 
 MOST_FIXED = 3  # groups that `compare` shows one by one
@@ -135,6 +136,15 @@ class Hybrid(Family):
         if mistakes:
             raise UsageError(f"method {name}: {mistakes[0].what}\n  hint: {mistakes[0].hint}")
         return method
+
+    def target_plan(self, problem: Problem, solution: Solution) -> TargetPlan:
+        """The schedule of a `solution` of a `problem`, for code on a target.
+
+        Raises UsageError where it depends on what is measured, and where a run drew it by chance.
+        """
+        from occontrol.families.hybrid.target import target_plan
+
+        return target_plan(problem, solution)
 
     def simulate(
         self, problem: Problem, solution: Solution | None, seed: int = 0

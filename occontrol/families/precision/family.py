@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from occontrol.core.target import TargetPlan
     from occontrol.files.page import Group, Table
 
 
@@ -118,6 +119,12 @@ class Precision(Family):
     def require_feasible(self, problem: Problem) -> None:
         """Raise InfeasibleError when the first batch cannot meet the bound."""
         problem.require_feasible()
+
+    def target_plan(self, problem: Problem, solution: Solution) -> TargetPlan:
+        """The gain of a `solution` of a `problem` with one batch, for code on a target; see target.py."""
+        from occontrol.families.precision.target import target_plan
+
+        return target_plan(problem, solution)
 
     def simulate(
         self, problem: Problem, solution: Solution | None, seed: int = 0

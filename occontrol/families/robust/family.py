@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from occontrol.core.claims import Claims
+    from occontrol.core.target import TargetPlan
     from occontrol.families.robust.online import OnlineSwitching
     from occontrol.files.page import Group, Table
 
@@ -145,6 +146,14 @@ class Robust(Family):
         from occontrol.families.robust.convert import as_schedule
 
         return as_schedule(problem) if family == "athans" else super().converted(problem, family, asked)
+
+    def target_plan(self, problem: Problem, solution: Solution) -> TargetPlan:
+        """The schedule of a `solution` of a `problem`, for code on a target; SolveFailed without one."""
+        from occontrol.core.target import schedule_alone
+
+        if solution.schedule is None:
+            raise SolveFailed("the solution has no schedule to follow")
+        return schedule_alone(solution.schedule, "the estimate of family robust is a set, and no Kalman filter")
 
     def certify(self, problem: Problem, schedule: Schedule, claims: Claims | None = None) -> Solution:
         """Cost, lower bound and gap of anybody's schedule, everything recomputed (certify.py)."""

@@ -89,6 +89,11 @@ class OnlineSwitching:
         """The name of the sensor in use from here on; () after the last slot."""
         return () if self.sensor is None else (self.names[self.sensor],)
 
+    @property
+    def times_left(self) -> np.ndarray:
+        """The ends of the slots that are left."""
+        return self.slots.edges[self.slot + 1 :]
+
     def step(
         self, measurements: Mapping[str, np.ndarray] | np.ndarray | None = None, until: float | None = None
     ) -> SetStep:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from occontrol.core.claims import Claims
+    from occontrol.core.target import TargetPlan
     from occontrol.families.vlambda.online import OnlineSelector
     from occontrol.files.page import Group
 
@@ -151,6 +152,12 @@ class VLambda(Family):
         from occontrol.families.vlambda.convert import as_readings
 
         return as_readings(problem) if family == "athans" else super().converted(problem, family, asked)
+
+    def target_plan(self, problem: Problem, solution: Solution) -> TargetPlan:
+        """The choices of a `solution` of a `problem` and the filter along them, for code on a target."""
+        from occontrol.families.vlambda.target import target_plan
+
+        return target_plan(problem.sampled, problem.starts, recorded(problem, solution))
 
     def certify(self, problem: Problem, schedule: Schedule, claims: Claims | None = None) -> Solution:
         """Cost of anybody's choices, beside the bound that the exact search proves; see certificate.py.

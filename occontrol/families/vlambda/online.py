@@ -86,6 +86,16 @@ class OnlineSelector:
         """Names of the sensors to use now."""
         return tuple(self.plant.names[j] for j in self.choice.sensors)
 
+    @property
+    def next_sensors(self) -> tuple[str, ...]:
+        """The same; () at the end of the horizon."""
+        return () if self.finished else self.sensors
+
+    @property
+    def times_left(self) -> np.ndarray:
+        """The steps k that are still to come."""
+        return np.arange(self.filter.step, self.plant.steps, dtype=float)
+
     def _begin_epoch(self) -> None:
         index = len(self.choices)
         if index < len(self.starts) - 1 and self.filter.step == self.starts[index]:

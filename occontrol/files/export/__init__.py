@@ -23,13 +23,16 @@ FORMATS = {
     "npz": "export.npz",
     "mat": "export.mat",
     "c": "export.h",
+    "matlab": "matlab",
 }
+# what a target compiles instead of reading it, see api/target.py
+TARGETS = {"flight": "flight", "fmu": "export.fmu"}
 
 
 def check_format(to: str) -> None:
-    """Raise UsageError unless `to` is one of FORMATS."""
-    if to not in FORMATS:
-        raise UsageError(f"there is no format '{to}'\n  hint: {suggest(to, FORMATS)}")
+    """Raise UsageError unless `to` is one of FORMATS or TARGETS."""
+    if to not in FORMATS and to not in TARGETS:
+        raise UsageError(f"there is no format '{to}'\n  hint: {suggest(to, [*FORMATS, *TARGETS])}")
 
 
 def write_export(

@@ -15,6 +15,7 @@ import numpy as np
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
 from occontrol.files.atomic import write_text
+from occontrol.files.export.c_text import c_string, comment
 
 PREFIX = "occontrol_"
 WIDTH = 120
@@ -31,12 +32,12 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
     target : the file
     """
     names = list(getattr(getattr(problem, "sensors", None), "names", []))
-    title = re.sub(r"[^ -~]|\*/|/\*|\\", "?", f"{problem.name}; family {problem.family}, method {solution.method}")
+    title = comment(f"{problem.name}; family {problem.family}, method {solution.method}")
     lines = [f"/* {title}: written by occontrol export */", "#ifndef OCCONTROL_EXPORT_H", "#define OCCONTROL_EXPORT_H"]
     lines += ["", "#include <math.h>", ""]
     if names:
         lines += [f"#define {PREFIX.upper()}SENSORS {len(names)}"]
-        lines += [f"static const char *const {PREFIX}sensors[{len(names)}] = {{{', '.join(map(_text, names))}}};"]
+        lines += [f"static const char *const {PREFIX}sensors[{len(names)}] = {{{', '.join(map(c_string, names))}}};"]
     arrays = dict(solution.arrays)
     arrays |= {f"filter_{name}": value for name, value in tables.items()}
     for name, value in arrays.items():
@@ -46,12 +47,6 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
     lines += ["", "#endif", ""]
     target.parent.mkdir(parents=True, exist_ok=True)
     return [write_text(target, "\n".join(lines))]
-
-
-def _text(name: str) -> str:
-    """A C string; what is not plain ASCII as octal bytes of UTF-8."""
-    plain = (chr(b) if 32 <= b < 127 and chr(b) not in '"\\?' else f"\\{b:03o}" for b in name.encode())
-    return f'"{"".join(plain)}"'
 
 
 def _definition(name: str, array: np.ndarray) -> list[str]:

@@ -159,6 +159,11 @@ class MatchedFilter:
         return tuple(self.model.names[j] for j in self.model.active[self.k])
 
     @property
+    def times_left(self) -> np.ndarray:
+        """Times of the samples that are still to come, the ends of their intervals."""
+        return self.model.edges[self.k + 1 :]
+
+    @property
     def finished(self) -> bool:
         """Whether the end of the horizon is reached."""
         return self.k >= self.model.intervals

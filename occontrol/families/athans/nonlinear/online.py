@@ -121,6 +121,11 @@ class NonlinearFilter:
         return () if self.finished else tuple(self.names[j] for j in self.active[self.k])
 
     @property
+    def times_left(self) -> np.ndarray:
+        """Times of the samples that are still to come."""
+        return self.edges[self.k + 1 :]
+
+    @property
     def finished(self) -> bool:
         """Whether the end of the horizon is reached."""
         return self.k >= self.intervals

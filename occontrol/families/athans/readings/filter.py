@@ -20,6 +20,7 @@ from occontrol.core.errors import ProblemError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.reading_schedule import ReadingSchedule
 from occontrol.core.schedule import Schedule
+from occontrol.core.target import TargetPlan
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.athans.filter.kalman_bucy import deviation_of, notes_of
 from occontrol.families.athans.filter.online import MatchedFilter
@@ -27,6 +28,7 @@ from occontrol.families.athans.filter.predictor import Predictor
 from occontrol.families.athans.filter.sampled_model import SampledModel, driven_transitions
 from occontrol.families.athans.filter.simulate import draw
 from occontrol.families.athans.filter.tables import tables_of
+from occontrol.families.athans.filter.target import plan_of
 from occontrol.families.athans.readings.clock import SampleTimes
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.numerics.linalg import square_root
@@ -252,3 +254,17 @@ def reading_tables(problem: ReadingsProblem, schedule: ReadingSchedule | Schedul
     matched = matched_filter(problem, schedule)
     D = problem.output.at(problem.output_at)
     return tables_of(matched, np.broadcast_to(D, (matched.model.intervals + 1, *D.shape)).copy())
+
+
+def reading_target(problem: ReadingsProblem, schedule: Schedule) -> TargetPlan:
+    """The schedule and its filter for code on a target.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem
+    schedule : to follow
+    """
+    model = reading_model(problem, schedule)
+    clock = problem.clock.variable
+    at = "" if problem.discrete or problem.predict_at is None else f" at {clock} = {problem.predict_at:g}"
+    return plan_of(model, reading_predictor(problem, model), instants=True, variable=clock, predicted_for=at)

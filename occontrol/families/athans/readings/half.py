@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from occontrol.core.monitor import Monitor
     from occontrol.core.schedule import Schedule
     from occontrol.core.solution import Solution
+    from occontrol.core.target import TargetPlan
     from occontrol.core.trajectory import Trajectory
     from occontrol.families.athans.filter.online import MatchedFilter
     from occontrol.families.athans.tradeoff import Front
@@ -107,10 +108,7 @@ class ReadingsFamily(RateFamily):
         """
         from occontrol.families.athans.readings.filter import run_filter
 
-        if model not in (None, "exact"):
-            raise UsageError(
-                f"readings have one filter, which is exact; there is no model '{model}'\n  hint: leave it out"
-            )
+        _require_exact(model)
         return run_filter(problem, schedule_of(solution), measurements, gate)
 
     def online(
@@ -127,11 +125,26 @@ class ReadingsFamily(RateFamily):
             raise UsageError(f"{what}\n  hint: online(problem, solve(problem))")
         return matched_filter(problem, schedule_of(solution))
 
+    def filter_loop(
+        self, problem: ReadingsProblem, solution: Solution, model: str | None = None, gate: float | None = None
+    ) -> MatchedFilter:
+        """The filter of `run_filter` step by step, with the same options; UsageError for a `model` other than exact."""
+        from occontrol.families.athans.readings.filter import matched_filter
+
+        _require_exact(model)
+        return matched_filter(problem, schedule_of(solution), gate)
+
     def filter_tables(self, problem: ReadingsProblem, solution: Solution) -> PlainDict:
         """The filter as plain arrays, see filter/tables.py."""
         from occontrol.families.athans.readings.filter import reading_tables
 
         return {} if solution.schedule is None else reading_tables(problem, solution.schedule)
+
+    def target_plan(self, problem: ReadingsProblem, solution: Solution) -> TargetPlan:
+        """The `solution`'s schedule of a `problem` and its filter, for code on a target."""
+        from occontrol.families.athans.readings.filter import reading_target
+
+        return reading_target(problem, schedule_of(solution))
 
     def tradeoff(self, problem: ReadingsProblem, cost_weights: Sequence[float], monitor: Monitor) -> Front:
         """Observation cost against prediction error over the cost weight alpha."""
@@ -148,6 +161,11 @@ class ReadingsFamily(RateFamily):
         if change is not None:
             raise UsageError("changes of readings are not solved again\n  hint: a study varies price or noise: sweep")
         return sensitivity(problem, solution, monitor)
+
+
+def _require_exact(model: str | None) -> None:
+    if model not in (None, "exact"):
+        raise UsageError(f"readings have one filter, which is exact; there is no model '{model}'\n  hint: leave it out")
 
 
 READINGS = ReadingsFamily()

@@ -1,0 +1,94 @@
+"""What was written and how large it is: host/MANIFEST.json."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+
+from occontrol.core.kinds import PlainDict
+from occontrol.files.export.flight.content import Content
+
+
+def run_digest(content: Content, problem: str) -> str:
+    """SHA-256 over the problem's digest and the tables: what of a run reaches the target, whenever it was solved.
+
+    Parameters
+    ----------
+    content : Content
+    problem : digest of the problem
+    """
+    digest = hashlib.sha256(problem.encode())
+    for table in content.tables:
+        digest.update(f"{table.declarator}:{table.crc:08x};".encode())
+        digest.update(table.values.astype(table.values.dtype.newbyteorder("<")).tobytes())
+    return digest.hexdigest()
+
+
+def sizes(content: Content) -> PlainDict:
+    """Bytes of the tables, of one filter and of its working arrays, and multiplications of a step.
+
+    Parameters
+    ----------
+    content : Content
+    """
+    tables = {table.name: int(table.values.nbytes) for table in content.tables}
+    found: PlainDict = {"tables": {"total": sum(tables.values()), **tables}}
+    if content.plan.model is None:
+        return found
+    n, m = content.plan.model.states, content.values
+    byte = 8 if content.options.precision == "double" else 4
+    full, rows = "full" in content.flags, n + m
+    numbers = n + 1 + (n + max(1, n * (n - 1) // 2) if full else 0)
+    found["filter"] = -(-(numbers * byte + 9) // byte) * byte
+    found["stack_of_working_arrays"] = byte * (n + m) + 4 * m
+    multiplications = n * (n + m)
+    if "plan" in content.flags:
+        found["multiplications_planned"] = multiplications + m * (m - 1) // 2 + 2 * m + n * m
+    if full:
+        columns = n + rows
+        found["stack_of_working_arrays"] += byte * (columns * (rows + 2) + rows + n + max(1, n * (n - 1) // 2))
+        found["stack_of_working_arrays"] += 4 * rows
+        sweep = sum((n + i + 1) * (1 + (rows - i) + (rows - i - 1)) for i in range(rows))
+        found["multiplications_full"] = multiplications + rows * n * (n - 1) // 2 + sweep
+    return found
+
+
+def manifest(content: Content, texts: Mapping[str, str], digest: str, problem: str, version: str) -> PlainDict:
+    """The content of MANIFEST.json.
+
+    Parameters
+    ----------
+    content : Content
+    texts : {path: text} of every other file
+    digest : of the run
+    problem : digest of the problem
+    version : of the writer
+    """
+    plan, model = content.plan, content.plan.model
+    return {
+        "run": digest,
+        "problem": problem,
+        "occontrol": version,
+        "options": {
+            "precision": content.options.precision,
+            "gains_only": content.options.gains_only,
+            "no_plan": content.options.no_plan,
+        },
+        "filter": plan.why if model is None else content.options.words,
+        "intervals": plan.intervals,
+        "sensors": list(plan.names),
+        "states": None if model is None else model.states,
+        "bytes": sizes(content),
+        "deviations": DEVIATIONS,
+        "files": {path: hashlib.sha256(text.encode()).hexdigest() for path, text in sorted(texts.items())},
+    }
+
+
+# advisory rules of MISRA C:2012 that are not kept, and why; no required one
+DEVIATIONS = {
+    "2.4": "the enumeration of the sensors is for the caller",
+    "2.5": "macros of the header are for the caller",
+    "8.7": "functions are for the caller",
+    "15.5": "a call returns where it finds a mistake, before it has changed anything",
+    "19.2": "the checksum reads the bits of a number through a union",
+}

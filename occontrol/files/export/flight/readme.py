@@ -1,0 +1,45 @@
+"""The parts of the README beside flight code that depend on the run."""
+
+from __future__ import annotations
+
+from occontrol.files.export.flight.content import Content
+from occontrol.files.export.flight.manifest import sizes
+
+
+def example(content: Content) -> str:
+    """The first lines of a program that uses a `content`."""
+    lines = ["uint8_t in_use[OCC_SENSORS];"]
+    if content.plan.model is None:
+        lines += ["uint32_t k;", "if ((occ_check() == OCC_OK) && (occ_interval(t, &k) == OCC_OK)) {"]
+        lines += ["    occ_in_use(k, in_use);        /* 1 for every sensor to use at t */", "}"]
+    else:
+        lines += ["occ_value z[OCC_VALUES], v[OCC_STATES];", "occ_filter f;"]
+        lines += ["if ((occ_check() != OCC_OK) || (occ_init(&f) != OCC_OK)) { /* do not start */ }"]
+        lines += ["while (occ_next(&f, in_use) == OCC_OK) {"]
+        lines += ["    /* read the sensors in use, their values one after the other into z; NaN: missing */"]
+        lines += ["    if (occ_step(&f, z, NULL) != OCC_OK) { /* f is as it was */ }"]
+        lines += ["    occ_variance(&f, v);          /* f.x is the estimate at occ_time(f.k) */", "}"]
+    return "\n".join(f"    {line}" for line in lines)
+
+
+def sizes_in_words(content: Content) -> str:
+    """How large a `content` is, and what it does where values are missing."""
+    plan, found = content.plan, sizes(content)
+    lines = [f"{plan.intervals} intervals, {len(plan.names)} sensors. Tables: {found['tables']['total']} bytes"]
+    if plan.model is None:
+        return lines[0] + f". No filter: {plan.why}."
+    lines[0] += f"; a filter: {found['filter']} bytes; its working arrays: {found['stack_of_working_arrays']}."
+    flags = content.flags
+    if {"full", "plan"} <= flags:
+        lines.append(
+            "While every value arrives, gains and variances are those of the plan; from the first missing value on\n"
+            "they are computed, as factors L diag(d) L' of the covariance."
+        )
+    elif "full" in flags:
+        lines.append("Gains and variances are computed at every step, as factors L diag(d) L' of the covariance.")
+    else:
+        lines.append(
+            "Gains only: a missing value moves nothing, and from then on `planned` is 0: the estimate is no longer\n"
+            "the best one, and the variances, still those of the plan, are too small."
+        )
+    return "\n\n".join(lines)

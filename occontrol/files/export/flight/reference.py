@@ -1,0 +1,213 @@
+"""The filter of the target in Python: the same operations in the same order, so that every bit is the same.
+
+A sum runs from its first term to its last (np.add.accumulate does); what C does for one row after the other happens
+here for all rows at once, which changes no order within a sum. The formulas stand in templates/head.c.
+"""
+
+from __future__ import annotations
+
+import enum
+
+import numpy as np
+
+from occontrol.files.export.flight.content import Content
+
+
+class Status(enum.IntEnum):
+    """What a call on the target returns."""
+
+    OK = 0
+    NULL_POINTER = 1
+    END = 2
+    BAD_SAMPLE = 3
+    SINGULAR = 4
+    OVERFLOW = 5
+    BAD_TABLE = 6
+    OUTSIDE = 7
+    BAD_STATE = 8
+
+
+class ReferenceFilter:
+    """State and functions of the target's filter.
+
+    Parameters
+    ----------
+    content : Content with a filter
+    """
+
+    def __init__(self, content: Content):
+        self.content, self.n, self.m = content, content.table("mean").shape[1], content.values
+        self.type = np.dtype(content.options.dtype)
+        self.full, self.plan = "full" in content.flags, "plan" in content.flags
+        self.init()
+
+    def init(self) -> None:
+        """Back to the start of the horizon."""
+        self.k, self.dimension, self.planned = 0, 0, self.plan
+        self.nis = self.type.type(0)
+        self.x = self.content.table("mean")[0].copy()
+        if self.full:
+            self.pivot, self.lower = self._root(0)
+
+    def init_at(self, k: int, x: np.ndarray) -> Status:
+        """Start at node `k` with the estimate x (n,)."""
+        if not 0 <= k <= self.content.plan.intervals:
+            return Status.OUTSIDE
+        if not np.all(np.isfinite(x)):
+            return Status.BAD_STATE
+        self.init()
+        self.k, self.x = k, np.array(x, dtype=self.type)
+        return Status.OK
+
+    def _root(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        return self.content.row("root_pivot", k), _unit(self.content.row("root_lower", k), self.n)
+
+    def factor(self) -> tuple[np.ndarray, np.ndarray]:
+        """d (n,) and L (n, n) of the covariance."""
+        return self._root(self.k) if self.planned else (self.pivot, self.lower)
+
+    def step(self, z: np.ndarray, valid: np.ndarray | None = None) -> Status:
+        """Advance by one interval.
+
+        Parameters
+        ----------
+        z : (m,) values, NaN where missing
+        valid : (m,) 0 where missing, or None
+        """
+        content, k = self.content, self.k
+        if k >= content.plan.intervals:
+            return Status.END
+        values = int(content.table("values")[k])
+        z = np.asarray(z, dtype=self.type)[:values]
+        there = np.ones(values, dtype=bool) if valid is None else np.asarray(valid)[:values] != 0
+        kept = np.flatnonzero(there & ~np.isnan(z))
+        if np.any(np.isinf(z[kept])):
+            return Status.BAD_SAMPLE
+        F = content.row("transition", k).reshape(self.n, self.n).T
+        H = content.row("observe", k).reshape(self.n, self.m).T[kept]
+        with np.errstate(all="ignore"):
+            e, x = content.row("offset", k)[kept].copy(), content.row("input", k).copy()
+            for c in range(self.n):
+                e = e + H[:, c] * self.x[c]
+                x = x + F[:, c] * self.x[c]
+            e = z[kept] - e
+            if self.planned and len(kept) == values:
+                return self._planned_step(e, x)
+            return self._full_step(F, H, kept, values, e, x) if self.full else self._gains_step(kept, values, e, x)
+
+    def _planned_step(self, e: np.ndarray, x: np.ndarray) -> Status:
+        K = self.content.row("gain", self.k).reshape(self.m, self.n)
+        pivot, lower = (self.content.row(f"innovation_{part}", self.k) for part in ("pivot", "lower"))
+        white, nis = e.copy(), self.type.type(0)
+        for i in range(len(e)):
+            for r in range(i):
+                white[i] -= lower[i * (i - 1) // 2 + r] * white[r]
+            if not pivot[i] > 0:
+                return Status.SINGULAR
+            nis = nis + white[i] * white[i] / pivot[i]
+            x = x + K[i] * e[i]
+        return self._accept(x, nis, len(e))
+
+    def _gains_step(self, kept: np.ndarray, values: int, e: np.ndarray, x: np.ndarray) -> Status:
+        if len(kept) == values:
+            return self._planned_step(e, x)
+        K = self.content.row("gain", self.k).reshape(self.m, self.n)
+        for c, place in enumerate(kept):
+            x = x + K[place] * e[c]
+        status = self._accept(x, self.type.type(0), 0)
+        self.planned = self.planned and status != Status.OK
+        return status
+
+    def _accept(self, x: np.ndarray, nis: np.floating, dimension: int) -> Status:
+        if not np.all(np.isfinite(x)):
+            return Status.OVERFLOW
+        self.x, self.nis, self.dimension = x, nis, dimension
+        self.k += 1
+        return Status.OK
+
+    def _full_step(
+        self, F: np.ndarray, H: np.ndarray, kept: np.ndarray, values: int, e: np.ndarray, x: np.ndarray
+    ) -> Status:
+        n, count = self.n, len(kept)
+        size = values + n
+        noise = _unit(self.content.row("noise_lower", self.k), size)
+        place = np.append(kept, np.arange(values, size))
+        pivot, lower = self.factor()
+        weight = np.append(pivot, self.content.row("noise_pivot", self.k)[:size])
+        a = np.concatenate((np.concatenate((H, F)), noise[place]), axis=1)
+        for c in range(n):
+            for i in range(c + 1, n):
+                a[:, c] = a[:, c] + a[:, i] * lower[i, c]
+        nis = self.type.type(0)
+        new_pivot, new_lower = np.zeros(n, dtype=self.type), np.eye(n, dtype=self.type)
+        for i in range(count + n):
+            columns = n + int(place[i]) + 1
+            terms = (weight[:columns] * a[i, :columns]) * a[i:, :columns]
+            total = np.add.accumulate(terms, axis=1)[:, -1]
+            total = total + self.type.type(0)  # a sum that begins with 0 has no -0
+            own = total[0]
+            if not np.isfinite(own):
+                return Status.OVERFLOW
+            if i < count and not own > 0:
+                return Status.SINGULAR
+            multiple = total[1:] / own if own > 0 else np.zeros_like(total[1:])
+            a[i + 1 :, :columns] = a[i + 1 :, :columns] - multiple[:, None] * a[i, :columns]
+            if i < count:
+                nis = nis + (e[i] * e[i]) / own
+                left = count - i - 1
+                e[i + 1 :] = e[i + 1 :] - multiple[:left] * e[i]
+                x = x + multiple[left:] * e[i]
+            else:
+                new_pivot[i - count] = own
+                new_lower[i - count + 1 :, i - count] = multiple
+        status = self._accept(x, nis, count)
+        if status == Status.OK:
+            self.pivot, self.lower, self.planned = new_pivot, new_lower, False
+        return status
+
+    def covariance(self) -> np.ndarray:
+        """(n, n) of the estimate."""
+        pivot, lower = self.factor()
+        P = np.empty((self.n, self.n), dtype=self.type)
+        with np.errstate(all="ignore"):
+            for i in range(self.n):
+                for j in range(i + 1):
+                    terms = (lower[i, : j + 1] * pivot[: j + 1]) * lower[j, : j + 1]
+                    P[i, j] = P[j, i] = np.add.accumulate(terms)[-1] + self.type.type(0)
+        return P
+
+    def variance(self) -> np.ndarray:
+        """(n,) of the estimate."""
+        if not self.full:
+            return self.content.row("planned_variance", self.k)
+        pivot, lower = self.factor()
+        total = np.zeros(self.n, dtype=self.type)
+        with np.errstate(all="ignore"):
+            for c in range(self.n):
+                l = lower[c + 1 :, c]  # noqa: E741
+                total[c + 1 :] = total[c + 1 :] + (l * pivot[c]) * l
+            return total + pivot
+
+    def predict(self) -> tuple[np.ndarray, np.ndarray]:
+        """The prediction (p,) and its variances (p,)."""
+        content, k = self.content, self.k
+        w, v = content.row("predict_offset", k).copy(), content.row("predict_variance", k).copy()
+        D = content.row("predict_matrix", k).reshape(self.n, -1)
+        with np.errstate(all="ignore"):
+            for i in range(self.n):
+                w = w + D[i] * self.x[i]
+            if self.full:
+                pivot, lower = self.factor()
+                for c in range(self.n):
+                    total = D[c].copy()
+                    for i in range(c + 1, self.n):
+                        total = total + D[i] * lower[i, c]
+                    v = v + (total * pivot[c]) * total
+        return w, v
+
+
+def _unit(packed: np.ndarray, size: int) -> np.ndarray:
+    """A unit lower triangle from what is below its diagonal, row by row."""
+    lower = np.eye(size, dtype=packed.dtype)
+    lower[np.tril_indices(size, -1)] = packed[: size * (size - 1) // 2]
+    return lower

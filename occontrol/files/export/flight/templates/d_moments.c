@@ -1,0 +1,111 @@
+/*?full*/
+occ_status occ_covariance(const occ_filter *f, occ_value p[OCC_STATES * OCC_STATES])
+{
+    const occ_value *pivot;
+    const occ_value *lower;
+    uint32_t c;
+    uint32_t i;
+    uint32_t j;
+
+    if ((f == NULL) || (p == NULL)) {
+        return OCC_NULL_POINTER;
+    }
+    if (f->k > OCC_INTERVALS) {
+        return OCC_OUTSIDE;
+    }
+    occ_factor(f, &pivot, &lower);
+    for (i = 0U; i < OCC_STATES; i++) {
+        for (j = 0U; j <= i; j++) {
+            occ_value sum = OCC_ZERO;
+            for (c = 0U; c <= j; c++) {
+                const occ_value one = (c < i) ? lower[((i * (i - 1U)) / 2U) + c] : OCC_ONE;
+                const occ_value other = (c < j) ? lower[((j * (j - 1U)) / 2U) + c] : OCC_ONE;
+                sum += (one * pivot[c]) * other;
+            }
+            p[(i * OCC_STATES) + j] = sum;
+            p[(j * OCC_STATES) + i] = sum;
+        }
+    }
+    return OCC_OK;
+}
+
+/*.*/
+occ_status occ_variance(const occ_filter *f, occ_value v[OCC_STATES])
+{
+/*?full*/
+    const occ_value *pivot;
+    const occ_value *lower;
+    uint32_t c;
+/*.*/
+    uint32_t i;
+
+    if ((f == NULL) || (v == NULL)) {
+        return OCC_NULL_POINTER;
+    }
+    if (f->k > OCC_INTERVALS) {
+        return OCC_OUTSIDE;
+    }
+/*?full*/
+    occ_factor(f, &pivot, &lower);
+    for (i = 0U; i < OCC_STATES; i++) {
+        occ_value sum = OCC_ZERO;
+        for (c = 0U; c < i; c++) {
+            const occ_value l = lower[((i * (i - 1U)) / 2U) + c];
+            sum += (l * pivot[c]) * l;
+        }
+        v[i] = sum + pivot[i];
+    }
+/*.*/
+/*?!full*/
+    for (i = 0U; i < OCC_STATES; i++) {
+        v[i] = occ_planned_variance[occ_planned_variance_row[f->k]][i];
+    }
+/*.*/
+    return OCC_OK;
+}
+
+/*?predict*/
+occ_status occ_predict(const occ_filter *f, occ_value w[OCC_OUTPUTS], occ_value v[OCC_OUTPUTS])
+{
+    const occ_value *D;
+/*?full*/
+    const occ_value *pivot;
+    const occ_value *lower;
+    uint32_t c;
+/*.*/
+    uint32_t i;
+    uint32_t r;
+
+    if ((f == NULL) || (w == NULL) || (v == NULL)) {
+        return OCC_NULL_POINTER;
+    }
+    if (f->k > OCC_INTERVALS) {
+        return OCC_OUTSIDE;
+    }
+    D = occ_predict_matrix[occ_predict_matrix_row[f->k]];
+    for (r = 0U; r < OCC_OUTPUTS; r++) {
+        w[r] = occ_predict_offset[occ_predict_offset_row[f->k]][r];
+        v[r] = occ_predict_variance[occ_predict_variance_row[f->k]][r];
+    }
+    for (i = 0U; i < OCC_STATES; i++) {
+        for (r = 0U; r < OCC_OUTPUTS; r++) {
+            w[r] += D[(i * OCC_OUTPUTS) + r] * f->x[i];
+        }
+    }
+/*?full*/
+    /* the noise until then + D L diag(.) L' D' */
+    occ_factor(f, &pivot, &lower);
+    for (c = 0U; c < OCC_STATES; c++) {
+        for (r = 0U; r < OCC_OUTPUTS; r++) {
+            occ_value sum = D[(c * OCC_OUTPUTS) + r];
+            for (i = c + 1U; i < OCC_STATES; i++) {
+                sum += D[(i * OCC_OUTPUTS) + r] * lower[((i * (i - 1U)) / 2U) + c];
+            }
+            v[r] += (sum * pivot[c]) * sum;
+        }
+    }
+/*.*/
+    return OCC_OK;
+}
+
+/*.*/

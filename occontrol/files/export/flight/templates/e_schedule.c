@@ -1,0 +1,218 @@
+const char *occ_digest(void)
+{
+    return OCC_DIGEST;
+}
+
+const char *occ_words(occ_status status)
+{
+    static const char *const words[] = {
+        "done",
+        "a pointer is NULL",
+        "the horizon is over",
+        "a sample is infinite",
+        "an innovation has no variance",
+        "the estimate leaves the range of the numbers",
+        "a table has changed since it was written",
+        "outside the horizon",
+        "a state is not finite"};
+    const uint32_t which = (uint32_t)status;
+
+    return (which < (uint32_t)(sizeof(words) / sizeof(words[0]))) ? words[which] : "no such status";
+}
+
+double occ_time(uint32_t k)
+{
+    return occ_edges[(k < OCC_INTERVALS) ? k : OCC_INTERVALS][0];
+}
+
+occ_status occ_interval(double t, uint32_t *k)
+{
+    uint32_t low = 0U;
+    uint32_t high = OCC_INTERVALS;
+    occ_status status = OCC_OK;
+
+    if (k == NULL) {
+        status = OCC_NULL_POINTER;
+    } else if (!((t >= occ_edges[0][0]) && (t <= occ_edges[OCC_INTERVALS][0]))) {
+        status = OCC_OUTSIDE;
+    } else {
+/*?instants*/
+        /* the first reading that is not before t */
+        while (low < high) {
+            const uint32_t middle = low + ((high - low) / 2U);
+            if (occ_edges[middle + 1U][0] < t) {
+                low = middle + 1U;
+            } else {
+                high = middle;
+            }
+        }
+/*.*/
+/*?!instants*/
+        while ((high - low) > 1U) {
+            const uint32_t middle = low + ((high - low) / 2U);
+            if (occ_edges[middle][0] <= t) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+/*.*/
+        *k = low;
+    }
+    return status;
+}
+
+occ_status occ_in_use(uint32_t k, uint8_t in_use[OCC_SENSORS])
+{
+    uint32_t j;
+    occ_status status = OCC_OK;
+
+    if (in_use == NULL) {
+        status = OCC_NULL_POINTER;
+    } else if (k >= OCC_INTERVALS) {
+        status = OCC_OUTSIDE;
+    } else {
+        for (j = 0U; j < OCC_SENSORS; j++) {
+            in_use[j] = occ_schedule[occ_schedule_row[k]][j];
+        }
+    }
+    return status;
+}
+
+/*?filter*/
+occ_status occ_next(const occ_filter *f, uint8_t in_use[OCC_SENSORS])
+{
+    occ_status status = OCC_NULL_POINTER;
+
+    if (f != NULL) {
+        status = (f->k >= OCC_INTERVALS) ? OCC_END : OCC_OK;
+        if (status == OCC_OK) {
+            status = occ_in_use(f->k, in_use);
+        }
+    }
+    return status;
+}
+
+occ_status occ_place(uint32_t k, uint32_t sensor, uint32_t *first, uint32_t *count)
+{
+    uint32_t at = 0U;
+    uint32_t j;
+    occ_status status = OCC_OK;
+
+    if ((first == NULL) || (count == NULL)) {
+        status = OCC_NULL_POINTER;
+    } else if ((k >= OCC_INTERVALS) || (sensor >= OCC_SENSORS)) {
+        status = OCC_OUTSIDE;
+    } else {
+        for (j = 0U; j < sensor; j++) {
+            if (occ_schedule[occ_schedule_row[k]][j] != 0U) {
+                at += occ_sensor_values[0][j];
+            }
+        }
+        *first = at;
+        *count = (occ_schedule[occ_schedule_row[k]][sensor] != 0U) ? occ_sensor_values[0][sensor] : 0U;
+    }
+    return status;
+}
+
+/*.*/
+/* CRC-32 (IEEE 802.3) over the numbers of a table, least significant byte first whatever the processor */
+static uint32_t occ_crc_bytes(uint32_t crc, uint64_t word, uint32_t bytes)
+{
+    uint32_t i;
+    uint32_t bit;
+    uint32_t sum = crc;
+    uint64_t rest = word;
+
+    for (i = 0U; i < bytes; i++) {
+        sum ^= (uint32_t)(rest & (uint64_t)0xFFU);
+        rest >>= 8U;
+        for (bit = 0U; bit < 8U; bit++) {
+            sum = ((sum & 1U) != 0U) ? ((sum >> 1U) ^ 0xEDB88320U) : (sum >> 1U);
+        }
+    }
+    return sum;
+}
+
+/*?crc_real*/
+static uint32_t occ_crc_real(const double *table, uint32_t count)
+{
+    uint32_t i;
+    uint32_t crc = 0xFFFFFFFFU;
+
+    for (i = 0U; i < count; i++) {
+        union {
+            double number;
+            uint64_t word;
+        } both;
+        both.number = table[i];
+        crc = occ_crc_bytes(crc, both.word, 8U);
+    }
+    return crc ^ 0xFFFFFFFFU;
+}
+
+/*.*/
+/*?crc_single*/
+static uint32_t occ_crc_single(const float *table, uint32_t count)
+{
+    uint32_t i;
+    uint32_t crc = 0xFFFFFFFFU;
+
+    for (i = 0U; i < count; i++) {
+        union {
+            float number;
+            uint32_t word;
+        } both;
+        both.number = table[i];
+        crc = occ_crc_bytes(crc, both.word, 4U);
+    }
+    return crc ^ 0xFFFFFFFFU;
+}
+
+/*.*/
+/*?crc_8*/
+static uint32_t occ_crc_8(const uint8_t *table, uint32_t count)
+{
+    uint32_t i;
+    uint32_t crc = 0xFFFFFFFFU;
+
+    for (i = 0U; i < count; i++) {
+        crc = occ_crc_bytes(crc, table[i], 1U);
+    }
+    return crc ^ 0xFFFFFFFFU;
+}
+
+/*.*/
+/*?crc_16*/
+static uint32_t occ_crc_16(const uint16_t *table, uint32_t count)
+{
+    uint32_t i;
+    uint32_t crc = 0xFFFFFFFFU;
+
+    for (i = 0U; i < count; i++) {
+        crc = occ_crc_bytes(crc, table[i], 2U);
+    }
+    return crc ^ 0xFFFFFFFFU;
+}
+
+/*.*/
+/*?crc_32*/
+static uint32_t occ_crc_32(const uint32_t *table, uint32_t count)
+{
+    uint32_t i;
+    uint32_t crc = 0xFFFFFFFFU;
+
+    for (i = 0U; i < count; i++) {
+        crc = occ_crc_bytes(crc, table[i], 4U);
+    }
+    return crc ^ 0xFFFFFFFFU;
+}
+
+/*.*/
+occ_status occ_check(void)
+{
+    uint32_t wrong = 0U;
+
+@CHECKS@
+    return (wrong == 0U) ? OCC_OK : OCC_BAD_TABLE;
+}
