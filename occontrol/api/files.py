@@ -63,7 +63,8 @@ def json_schema(family: str) -> PlainDict:
     from occontrol.files.schema.json_schema import json_schema as schema_of
 
     found = find_family(family)
-    return schema_of(f"occontrol problem: {family}", documents_of(found.schema()), found.methods)
+    methods = {**found.methods, **found.further_methods}
+    return schema_of(f"occontrol problem: {family}", documents_of(found.schema()), methods)
 
 
 def write_run(
@@ -125,12 +126,15 @@ def read_schedule(path: str | Path, problem: BaseProblem) -> Schedule:
     ----------
     path : CSV with the columns start, end, sensors (names joined by ';') and, where sensors share their time, weights;
         JSON, a list of {start, end, sensors[, weights]} or a dict that has it under 'schedule'; or a run folder
-    problem : a problem whose sensors are chosen on a grid of times or epochs
+    problem : a problem whose sensors are chosen on a grid of times or epochs; for many targets the columns are start,
+        end, resource, target
 
     Raises ProblemError with every mistake as file:line, FileAccessError when the file cannot be read.
     """
-    from occontrol.files import data_files
+    from occontrol.files import data_files, looks
 
+    if looks.is_of_looks(problem):
+        return looks.read_looks(path, problem, read_run)  # type: ignore[arg-type]
     return data_files.read_schedule(path, problem, read_run)
 
 

@@ -59,6 +59,7 @@ class Family(Protocol):
     name : as in `family: NAME` of a problem file
     title : one line
     methods : {name: frozen dataclass of options}, see core/method.py; the first is the default
+    further_methods : methods of some of its problems only, {name: class}; problem files may name them
     compared : the method names that `compare` runs when none are given
     columns : the numbers of a result that the table of `compare` shows; empty: cost, bound and gap
     abilities : what it can do beside solve, describe, summarise and draw
@@ -72,6 +73,7 @@ class Family(Protocol):
     name: ClassVar[str]
     title: ClassVar[str]
     methods: ClassVar[Mapping[str, type]]
+    further_methods: ClassVar[Mapping[str, type]] = {}
     compared: ClassVar[Sequence[str]]
     columns: ClassVar[Sequence[str]] = ()
     abilities: ClassVar[frozenset[Ability]]

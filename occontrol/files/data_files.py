@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -17,12 +15,11 @@ from occontrol.core.measurement import Measurement
 from occontrol.core.problem import BaseProblem
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
+from occontrol.files.csv_lines import MAX_BYTES, csv_rows
 from occontrol.files.positions import Text, in_order
 from occontrol.files.problem_file import read_text
 from occontrol.files.segments import Segment, grid_of, schedule_of, takes_readings
 from occontrol.files.spreadsheet import from_text
-
-MAX_BYTES = 64 * 2**20
 
 
 def read_schedule(
@@ -71,7 +68,7 @@ def read_measurements(path: str | Path, problem: BaseProblem | None = None) -> l
     sizes = _sizes(problem)
     samples: list[Measurement] = []
     seen: dict[tuple[float, str], int] = {}
-    rows = _rows(path, ("t", "sensor"), "measurement file")
+    rows = csv_rows(path, ("t", "sensor"), "measurement file")
     header = next(rows)[1]
     width = len(header) - 2
     for line, row in rows:
@@ -140,7 +137,7 @@ def _from_run(folder: Path, read_run: Callable[[Path], tuple[BaseProblem, Soluti
 
 def _from_csv(path: Path) -> list[Segment]:
     found, segments = Collector(), []
-    rows = _rows(path, ("start", "end", "sensors"), "schedule")
+    rows = csv_rows(path, ("start", "end", "sensors"), "schedule")
     _, header = next(rows)
     weighted = header[3:4] == ["weights"]
     for line, row in rows:
@@ -239,36 +236,6 @@ def _json_segment(item: object, path: tuple, text: Text, found: Collector) -> Se
 
 def _finite(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _rows(path: Path, columns: tuple[str, ...], kind: str) -> Iterator[tuple[int, list[str]]]:
-    """The header and the lines of a CSV file that are not empty, with line numbers; short lines are filled up."""
-    text = read_text(path, MAX_BYTES, kind)
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    header: list[str] | None = None
-    try:
-        for row in reader:
-            if not any(field.strip() for field in row):
-                continue
-            if header is None:
-                header = [field.strip().lower() for field in row]
-                if tuple(header[: len(columns)]) != columns:
-                    what = f"the first line is '{','.join(row)[:60]}'"
-                    more = ", z1, z2, .." if columns[0] == "t" else ""
-                    raise _wrong(
-                        f"{path}:{reader.line_num}", what, "it must name the columns: " + ", ".join(columns) + more
-                    )
-                yield reader.line_num, header
-            elif len(row) < len(columns) - (columns[-1] == "sensors"):
-                raise _wrong(
-                    f"{path}:{reader.line_num}", f"the line has {len(row)} fields", "columns: " + ", ".join(columns)
-                )
-            else:
-                yield reader.line_num, row + [""] * (len(columns) - len(row))
-    except csv.Error as error:
-        raise _wrong(f"{path}:{reader.line_num}", f"this is not CSV: {error}") from None
-    if header is None:
-        raise _wrong(f"{path}:1", "the file is empty", "columns: " + ", ".join(columns))
 
 
 def _number(field: str, name: str, place: str, found: Collector, missing: bool = False) -> float | None:

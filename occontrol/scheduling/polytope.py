@@ -77,38 +77,44 @@ def excess(weights: np.ndarray, gradient: np.ndarray, upper: np.ndarray, select:
 
 
 @njit(**_OPTIONS)
+def project_row(y, upper, select, w):
+    """w (M,) <- clip(y - lam, 0, upper) with the sum `select`."""
+    M = len(y)
+    # the multiplier lies between these two; the clipped sum falls as it grows
+    low, high = np.inf, -np.inf
+    for j in range(M):
+        if upper[j] > 0.0:
+            low = min(low, y[j] - upper[j])
+            high = max(high, y[j])
+    lam = 0.5 * (low + high)
+    for _ in range(BISECTIONS):
+        total, slope = 0.0, 0
+        for j in range(M):
+            x = y[j] - lam
+            if upper[j] > 0.0 and x > 0.0:
+                if x >= upper[j]:
+                    total += upper[j]
+                else:
+                    total += x
+                    slope += 1
+        rest = total - select
+        if abs(rest) <= 1e-15 * select:
+            break
+        if rest > 0.0:
+            low = lam
+        else:
+            high = lam
+        # Newton on the piecewise linear sum, bisection where it leaves the bracket
+        trial = lam + rest / slope if slope > 0 else 0.5 * (low + high)
+        lam = trial if low < trial < high else 0.5 * (low + high)
+    for j in range(M):
+        w[j] = min(max(y[j] - lam, 0.0), upper[j])
+
+
+@njit(**_OPTIONS)
 def _project(y, upper, select, w):
-    N, M = y.shape
-    for k in range(N):
-        # the multiplier lies between these two; the clipped sum falls as it grows
-        low, high = np.inf, -np.inf
-        for j in range(M):
-            if upper[k, j] > 0.0:
-                low = min(low, y[k, j] - upper[k, j])
-                high = max(high, y[k, j])
-        lam = 0.5 * (low + high)
-        for _ in range(BISECTIONS):
-            total, slope = 0.0, 0
-            for j in range(M):
-                x = y[k, j] - lam
-                if upper[k, j] > 0.0 and x > 0.0:
-                    if x >= upper[k, j]:
-                        total += upper[k, j]
-                    else:
-                        total += x
-                        slope += 1
-            rest = total - select
-            if abs(rest) <= 1e-15 * select:
-                break
-            if rest > 0.0:
-                low = lam
-            else:
-                high = lam
-            # Newton on the piecewise linear sum, bisection where it leaves the bracket
-            trial = lam + rest / slope if slope > 0 else 0.5 * (low + high)
-            lam = trial if low < trial < high else 0.5 * (low + high)
-        for j in range(M):
-            w[k, j] = min(max(y[k, j] - lam, 0.0), upper[k, j])
+    for k in range(len(y)):
+        project_row(y[k], upper[k], select, w[k])
 
 
 def project(weights: np.ndarray, upper: np.ndarray, select: int) -> np.ndarray:

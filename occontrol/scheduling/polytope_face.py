@@ -9,43 +9,49 @@ _OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reass
 
 
 @njit(**_OPTIONS)
-def _face(v, g, upper, near, free, count, move):
-    """Free weights: between their bounds, or at a bound that the reduced gradient pushes them away from.
+def face_row(v, g, upper, near, free, move):
+    """The free weights of one interval: between their bounds, or at one that the reduced gradient pushes away from.
 
-    move : what nearly stands at a bound and is pushed there goes all the way, instead of dragging the direction along
+    move (M,) : what nearly stands at a bound and is pushed there goes all the way, instead of dragging the direction
+    along. Returns how many are free.
     """
-    N, M = v.shape
-    for k in range(N):
-        # the multiplier is the gradient at the weight farthest from its bounds; at a vertex it lies between the largest
-        # gradient of the used and the smallest of the unused weights
-        anchor, room = -1, near
-        used, unused = -np.inf, np.inf
-        for j in range(M):
-            if upper[k, j] > 0.0:
-                x = min(v[k, j], upper[k, j] - v[k, j])
-                if x > room:
-                    anchor, room = j, x
-                if v[k, j] > near:
-                    used = max(used, g[k, j])
-                else:
-                    unused = min(unused, g[k, j])
-        number, excess = 0, 0.0
-        for j in range(M):
-            inside = upper[k, j] > 0.0
-            x = 0.0
-            if inside and v[k, j] <= near and j != anchor:
-                inside = g[k, j] < (g[k, anchor] if anchor >= 0 else used)
-                x = 0.0 if inside else -v[k, j]
-            elif inside and v[k, j] >= upper[k, j] - near and j != anchor:
-                inside = g[k, j] > (g[k, anchor] if anchor >= 0 else unused)
-                x = 0.0 if inside else upper[k, j] - v[k, j]
-            free[k, j] = inside
-            number += inside
-            move[k, j] = x
-            excess += x
-        count[k] = number
-        if anchor >= 0:
-            move[k, anchor] -= excess  # by the sign of g_j - g_anchor a descent; left to the projection it may not be
+    M = len(v)
+    # the multiplier is the gradient at the weight farthest from its bounds; at a vertex it lies between the largest
+    # gradient of the used and the smallest of the unused weights
+    anchor, room = -1, near
+    used, unused = -np.inf, np.inf
+    for j in range(M):
+        if upper[j] > 0.0:
+            x = min(v[j], upper[j] - v[j])
+            if x > room:
+                anchor, room = j, x
+            if v[j] > near:
+                used = max(used, g[j])
+            else:
+                unused = min(unused, g[j])
+    number, excess = 0, 0.0
+    for j in range(M):
+        inside = upper[j] > 0.0
+        x = 0.0
+        if inside and v[j] <= near and j != anchor:
+            inside = g[j] < (g[anchor] if anchor >= 0 else used)
+            x = 0.0 if inside else -v[j]
+        elif inside and v[j] >= upper[j] - near and j != anchor:
+            inside = g[j] > (g[anchor] if anchor >= 0 else unused)
+            x = 0.0 if inside else upper[j] - v[j]
+        free[j] = inside
+        number += inside
+        move[j] = x
+        excess += x
+    if anchor >= 0:
+        move[anchor] -= excess  # by the sign of g_j - g_anchor a descent; left to the projection it may not be
+    return number
+
+
+@njit(**_OPTIONS)
+def _face(v, g, upper, near, free, count, move):
+    for k in range(len(v)):
+        count[k] = face_row(v[k], g[k], upper[k], near, free[k], move[k])
 
 
 @njit(**_OPTIONS)

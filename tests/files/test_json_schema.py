@@ -24,11 +24,11 @@ def test_athans_in_detail():
     schema = whole["$defs"]["Document"] | {"$defs": whole["$defs"]}
     assert [form["$ref"].rpartition("/")[2] for form in whole["anyOf"]] == [
         "Document", "StepsDocument", "SamplesDocument",
-        "FormulaDocument", "FormulaStepsDocument", "FormulaSamplesDocument",
+        "FormulaDocument", "FormulaStepsDocument", "FormulaSamplesDocument", "TargetsDocument",
     ]  # fmt: skip
     assert set(schema["required"]) == {"family", "horizon", "plant", "sensors", "objective"}
     named, *options = schema["properties"]["method"]["anyOf"]
-    assert named["enum"][0] == "schedule" and {"relaxed", "hminimal", "greedy"} <= set(named["enum"])
+    assert named["enum"][0] == "schedule" and {"relaxed", "hminimal", "greedy", "costate-index"} <= set(named["enum"])
     relaxed = next(form for form in options if form["properties"]["name"] == {"const": "relaxed"})
     assert relaxed["properties"]["relative_gap"]["type"] == "number" and relaxed["additionalProperties"] is False
     matrix = schema["$defs"]["Plant"]["properties"]["A"]["anyOf"]

@@ -21,6 +21,7 @@ class AthansProblem(BaseProblem):
     Attributes
     ----------
     takes_readings : whether sensors are read at instants; otherwise sensing is continuous
+    of_targets : whether resources look at many targets, instead of sensors at one plant
     discrete : whether time itself is discrete: steps k = 0 .. N
     name : str
     plant, sensors : of the problem
@@ -36,6 +37,7 @@ class AthansProblem(BaseProblem):
     """
 
     takes_readings: ClassVar[bool] = False
+    of_targets: ClassVar[bool] = False
     name: str
     plant: LinearPlant | DiscretePlant
     sensors: Kept[Sequence[Sensor], SensorSuite[Sensor]]

@@ -1,6 +1,6 @@
 """Off-line schedules with a certificate: the family of Athans (1971), for continuous sensing and for readings.
 
-Two kinds of problems, one family: each call goes to the half that a problem belongs to.
+Three kinds of problems, one family: each call goes to the half that a problem belongs to, or to that of many targets.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.rate import RATE, RateFamily, schedule_of
 from occontrol.families.athans.readings.half import READINGS
+from occontrol.families.athans.targets.half import TARGETS
+from occontrol.families.athans.targets.problem import TargetsProblem
 from occontrol.families.family import Family
 
 if TYPE_CHECKING:
@@ -37,9 +39,28 @@ class AthansFamily(RateFamily):
     """Which sensor when, planned for a whole horizon, with a proven lower bound beside the cost."""
 
     title: ClassVar[str] = "off-line schedules with a certificate (Athans 1971)"
+    further_methods: ClassVar[Mapping[str, type]] = TARGETS.methods
 
     def _half(self, problem: AthansProblem) -> Family:
+        if problem.of_targets:
+            return TARGETS
         return READINGS if problem.takes_readings else RATE
+
+    def choose(self, problem: AthansProblem, method: Method | str | None = None) -> Method:
+        """The method object to run; many targets have methods of their own. Raises UsageError for others."""
+        if isinstance(problem, TargetsProblem):
+            return TARGETS.choose(problem, method)
+        return super().choose(problem, method)
+
+    def mistakes(self, problem: AthansProblem, method: Method) -> list[Mistake]:
+        """What is wrong with the options of `method` for `problem`."""
+        if isinstance(problem, TargetsProblem):
+            return TARGETS.mistakes(problem, method)
+        return super().mistakes(problem, method)
+
+    def compare_names(self, problem: AthansProblem) -> list[str]:
+        """The method names that `compare` runs on `problem` when none are given."""
+        return list(TARGETS.compared if problem.of_targets else self.compared)
 
     def solve(self, problem: AthansProblem, method: Method, monitor: Monitor) -> Solution:
         """Run `method` on `problem` and certify what it found; see the two halves for what is raised."""

@@ -81,7 +81,11 @@ class AthansResult(ResultData):
     certificate_of : "problem", or "linearised" where the plant is nonlinear: cost and bound are then of the problem
         linearised along its nominal path
     nonlinearity : {readings, predictions} of the plan of a nonlinear plant, see nonlinear/index.py
-    schedule : [{start, end, sensors}], see Schedule.segments
+    schedule : [{start, end, sensors}], see Schedule.segments; [{start, end, resource, target}] for many targets
+    bounds : {relaxed, integer}: the bound that shares of looks prove, and the one that knows that looks are whole
+    blocks : how many parts of the states nothing couples
+    targets : how many targets there are
+    per_target : {cost, error} of every target, up to 200 of them; with its share of the observation cost, and without
     """
 
     name: str
@@ -117,6 +121,10 @@ class AthansResult(ResultData):
     multipliers: Mapping[str, float] | None = field(default=None, metadata={"optional": True})
     certificate_of: str = "problem"
     nonlinearity: Mapping[str, float] | None = field(default=None, metadata={"optional": True})
+    bounds: PlainMapping | None = field(default=None, metadata={"optional": True})
+    blocks: int | None = field(default=None, metadata={"optional": True})
+    targets: int | None = field(default=None, metadata={"optional": True})
+    per_target: PlainMapping | None = field(default=None, metadata={"optional": True})
 
     @classmethod
     def from_dict(cls, content: PlainMapping) -> Self:

@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from occontrol.core.clock import tolerance
 from occontrol.core.errors import ProblemError
 from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
@@ -19,7 +18,7 @@ from occontrol.families.athans.methods import METHODS
 from occontrol.families.athans.nonlinear import documents as forms
 from occontrol.families.athans.nonlinear import schema as formulas
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
-from occontrol.families.athans.problem import SchedulingProblem, uniform_edges
+from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.readings import schema as readings
 from occontrol.families.athans.readings.documents import DOCUMENTS as READINGS
 from occontrol.families.athans.readings.documents import SamplesDocument, StepsDocument, document_for
@@ -28,6 +27,7 @@ from occontrol.families.athans.rules.schema import ConstraintKeys, SensorKeys, c
 from occontrol.families.athans.schema_parts import (
     Plant,
     Select,
+    edges_of,
     or_none,
     plant_document,
     plant_of,
@@ -35,6 +35,9 @@ from occontrol.families.athans.schema_parts import (
     sensor_kind,
 )
 from occontrol.families.athans.sensor_noise import sensor_noise
+from occontrol.families.athans.targets import schema as targets
+from occontrol.families.athans.targets.documents import TargetsDocument, is_targets
+from occontrol.families.athans.targets.problem import TargetsProblem
 from occontrol.files.schema.common import (
     Context,
     Expect,
@@ -47,8 +50,6 @@ from occontrol.files.schema.common import (
     plain,
     prune,
 )
-
-MAX_INTERVALS = 1_000_000
 
 
 class Horizon(Strict):
@@ -113,7 +114,7 @@ class FormulaDocument(Document):
     replan: forms.Replan | None = None
 
 
-DOCUMENTS = (Document, *READINGS, FormulaDocument, *forms.OF_READINGS.values())
+DOCUMENTS = (Document, *READINGS, FormulaDocument, *forms.OF_READINGS.values(), TargetsDocument)
 
 
 def model_for(data: PlainMapping) -> type[Strict]:
@@ -123,19 +124,23 @@ def model_for(data: PlainMapping) -> type[Strict]:
     ----------
     data : the plain content of the file
     """
+    if is_targets(data):
+        return TargetsDocument
     found = document_for(data) or Document
     return forms.OF_READINGS.get(found, FormulaDocument) if forms.given_by_formulas(data) else found
 
 
 def build(
-    document: Document | StepsDocument | SamplesDocument, context: Context
-) -> SchedulingProblem | ReadingsProblem:
+    document: Document | StepsDocument | SamplesDocument | TargetsDocument, context: Context
+) -> SchedulingProblem | ReadingsProblem | TargetsProblem:
     """The problem that the document describes; ProblemError with every mistake."""
+    if isinstance(document, TargetsDocument):
+        return targets.build(document, context)
     if not isinstance(document, Document):
         return readings.build(document, context)
     found, objective = context.found, document.objective
     name = context.title(document.name)
-    edges = _edges(document.horizon, context)
+    edges = edges_of(document.horizon, context)
     method = None if document.method is None else context.method(document.method, METHODS)
     expect = context.expect(document.expect)
     # first: what follows may name its states
@@ -182,53 +187,6 @@ def build(
     return problem
 
 
-def _edges(horizon: Horizon, context: Context) -> np.ndarray | list[float] | None:
-    """The edges, or None after a mistake."""
-    wrong = context.found.add
-    if horizon.edges is not None:
-        edges, before = horizon.edges, len(context.found.mistakes)
-        if len(edges) < 2:
-            wrong(
-                ("horizon", "edges"),
-                f"horizon.edges has {len(edges)} entries, it needs at least 2",
-                "edges: [start, .., end]",
-            )
-            return None
-        for k in range(1, len(edges)):
-            if edges[k] <= edges[k - 1]:
-                what = f"horizon.edges must increase: {edges[k]:g} comes after {edges[k - 1]:g}"
-                wrong(("horizon", "edges", k), what)
-                break
-        if horizon.intervals is not None:
-            wrong(("horizon", "intervals"), "horizon has both 'edges' and 'intervals'", "give one of them", True)
-        for key, value, edge in (("start", horizon.start, edges[0]), ("end", horizon.end, edges[-1])):
-            if value is not None and abs(value - edge) > tolerance(edges[-1] - edges[0], edge):
-                wrong(("horizon", key), f"horizon.{key} is {value:g}, but the edges {key} at {edge:g}", "leave it out")
-        return edges if len(context.found.mistakes) == before else None
-    start = 0.0 if horizon.start is None else horizon.start
-    unreadable = {m.path[1] for m in context.found.mistakes if len(m.path) > 1 and m.path[0] == "horizon"}
-    if unreadable & {"start", "end", "intervals", "edges"}:
-        return None  # one of them was left out
-    if horizon.end is None or horizon.intervals is None:
-        lacking = "'end'" if horizon.end is None else "neither 'intervals' nor 'edges'"
-        wrong(
-            ("horizon",),
-            f"horizon has {'no ' if horizon.end is None else ''}{lacking}",
-            "{start: 0, end: 10, intervals: 400}",
-            True,
-        )
-        return None
-    if not 1 <= horizon.intervals <= MAX_INTERVALS:
-        hint = f"at least 1 and at most {MAX_INTERVALS}"
-        wrong(("horizon", "intervals"), f"horizon.intervals is {horizon.intervals}, it must be {hint}")
-    if horizon.end <= start:
-        what = f"the horizon ends at {horizon.end:g}, which is not after its start {start:g}"
-        wrong(("horizon", "end"), what, "end must lie after start")
-    elif 1 <= horizon.intervals <= MAX_INTERVALS:
-        return uniform_edges(start, horizon.end, horizon.intervals)
-    return None
-
-
 def _sensor(entry: SensorEntry | str, j: int, states: int, context: Context) -> Sensor:
     """The sensor; one that measures nothing in its place when there is a mistake (that is noted)."""
     if isinstance(entry, str):
@@ -245,8 +203,10 @@ def _sensor(entry: SensorEntry | str, j: int, states: int, context: Context) -> 
     )
 
 
-def document(problem: SchedulingProblem | ReadingsProblem) -> PlainDict:
+def document(problem: SchedulingProblem | ReadingsProblem | TargetsProblem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
+    if isinstance(problem, TargetsProblem):
+        return targets.document(problem)
     if isinstance(problem, ReadingsProblem):
         return readings.document(problem)
     plant, linearised = problem.plant, linearisation_of(problem)

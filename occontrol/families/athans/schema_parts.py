@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, TypeGuard
+from typing import Annotated, Any, Protocol, TypeGuard
 
 import numpy as np
 from pydantic import Field, WithJsonSchema
 
+from occontrol.core.clock import tolerance
 from occontrol.core.errors import Path
 from occontrol.core.kinds import Plain, PlainDict
 from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.signal import ConstantSignal, Signal
+from occontrol.families.athans.problem import uniform_edges
 from occontrol.files.schema.common import Context, Entries, Labels, Matrix, Strict, Vector, prune
 from occontrol.files.schema.words import shown
 
+MAX_INTERVALS = 1_000_000
 RANGE = re.compile(r"\s*([0-9]{1,9})\s*\.\.\s*([0-9]{1,9})\s*", re.ASCII)
 
 Select = Annotated[
@@ -146,3 +149,65 @@ def or_none(signal: Signal | None) -> Plain:
 def _input(signal: Signal | None) -> Plain:
     value = or_none(signal)
     return [row[0] for row in value] if isinstance(value, list) else value
+
+
+class StatedHorizon(Protocol):
+    """How a problem file gives edges: a list of them, or start, end and a number of intervals."""
+
+    start: float | None
+    end: float | None
+    intervals: int | None
+    edges: list[float] | None
+
+
+def edges_of(horizon: StatedHorizon, context: Context) -> np.ndarray | list[float] | None:
+    """The edges (N+1,), or None after a mistake.
+
+    Parameters
+    ----------
+    horizon : of the document
+    context : where mistakes are noted
+    """
+    wrong = context.found.add
+    if horizon.edges is not None:
+        edges, before = horizon.edges, len(context.found.mistakes)
+        if len(edges) < 2:
+            wrong(
+                ("horizon", "edges"),
+                f"horizon.edges has {len(edges)} entries, it needs at least 2",
+                "edges: [start, .., end]",
+            )
+            return None
+        for k in range(1, len(edges)):
+            if edges[k] <= edges[k - 1]:
+                what = f"horizon.edges must increase: {edges[k]:g} comes after {edges[k - 1]:g}"
+                wrong(("horizon", "edges", k), what)
+                break
+        if horizon.intervals is not None:
+            wrong(("horizon", "intervals"), "horizon has both 'edges' and 'intervals'", "give one of them", True)
+        for key, value, edge in (("start", horizon.start, edges[0]), ("end", horizon.end, edges[-1])):
+            if value is not None and abs(value - edge) > tolerance(edges[-1] - edges[0], edge):
+                wrong(("horizon", key), f"horizon.{key} is {value:g}, but the edges {key} at {edge:g}", "leave it out")
+        return edges if len(context.found.mistakes) == before else None
+    start = 0.0 if horizon.start is None else horizon.start
+    unreadable = {m.path[1] for m in context.found.mistakes if len(m.path) > 1 and m.path[0] == "horizon"}
+    if unreadable & {"start", "end", "intervals", "edges"}:
+        return None  # one of them was left out
+    if horizon.end is None or horizon.intervals is None:
+        lacking = "'end'" if horizon.end is None else "neither 'intervals' nor 'edges'"
+        wrong(
+            ("horizon",),
+            f"horizon has {'no ' if horizon.end is None else ''}{lacking}",
+            "{start: 0, end: 10, intervals: 400}",
+            True,
+        )
+        return None
+    if not 1 <= horizon.intervals <= MAX_INTERVALS:
+        hint = f"at least 1 and at most {MAX_INTERVALS}"
+        wrong(("horizon", "intervals"), f"horizon.intervals is {horizon.intervals}, it must be {hint}")
+    if horizon.end <= start:
+        what = f"the horizon ends at {horizon.end:g}, which is not after its start {start:g}"
+        wrong(("horizon", "end"), what, "end must lie after start")
+    elif 1 <= horizon.intervals <= MAX_INTERVALS:
+        return uniform_edges(start, horizon.end, horizon.intervals)
+    return None
