@@ -186,18 +186,27 @@ def converted(problem: BaseProblem, family: str, asked: Asked = NOTHING) -> tupl
     return found, [*left, *more]
 
 
-def tradeoff(problem: BaseProblem, cost_weights: Sequence[float], monitor: Monitor | None = None) -> Tradeoff:
-    """The front of observation cost against prediction error over the cost weight alpha.
+def tradeoff(
+    problem: BaseProblem,
+    cost_weights: Sequence[float] = (),
+    monitor: Monitor | None = None,
+    budgets: Sequence[float] | None = None,
+) -> Tradeoff:
+    """The front of observation cost against prediction error, over the cost weight alpha or over caps on the former.
 
     Parameters
     ----------
     problem : a problem whose family proves bounds (athans)
-    cost_weights : values of alpha
+    cost_weights : values of alpha; they play no part where there are budgets
     monitor : Monitor to watch and stop the work, optional
+    budgets : caps on the observation cost, for each of which the error is minimised
 
-    Returns a Front. Raises UsageError for families without such a trade-off.
+    Returns a Front or a BudgetFront. Raises UsageError for families without such a trade-off, InfeasibleError where no
+    schedule keeps any cap.
     """
     family = require(problem, Ability.TRADEOFF)
+    if budgets is not None:
+        return family.budgets(problem, budgets, monitor or Monitor())
     return family.tradeoff(problem, cost_weights, monitor or Monitor())
 
 

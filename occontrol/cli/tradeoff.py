@@ -16,13 +16,19 @@ def tradeoff(
     weights: Annotated[
         str, typer.Option("--weights", metavar="FROM:TO:COUNT", help="Cost weights, geometrically spaced.")
     ] = "1e-3:1e1:15",
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            "--budget", metavar="FROM:TO:COUNT", help="Caps on the observation cost, in the place of weights."
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder [default: runs/FILE's name-tradeoff].")
     ] = None,
     json: JsonFlag = False,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the figures.")] = True,
 ) -> int:
-    """Solve over a range of cost weights alpha: what a better prediction costs."""
+    """Solve over a range of cost weights alpha, or of budgets: what a better prediction costs."""
     from occontrol.cli.watch import announce
 
     announce(f"tracing the front of {file}")
@@ -33,7 +39,7 @@ def tradeoff(
     from occontrol.files.run_folder import check_writable
     from occontrol.files.run_record import RESULT, refuse_run_files
 
-    values = spaced(weights)
+    values = spaced(weights if budget is None else budget)
     folder = default_folder(file).with_name(file.stem + "-tradeoff") if out is None else out
     refuse_same([folder / "tradeoff.json", folder / "front.csv"], [file])
     if (folder / RESULT).exists():
@@ -41,13 +47,16 @@ def tradeoff(
     problem = read_problem(file)
     check_writable(folder)
     with watched() as monitor:
-        front = trace(problem, values, monitor)
+        front = trace(problem, values, monitor) if budget is None else trace(problem, (), monitor, budgets=values)
     content = front.as_dict()
     family_of(problem).write_tradeoff(folder, front, figures)
     if json:
         print_json(content)
     else:
-        _print(content)
+        if budget is None:
+            _print(content)
+        else:
+            _print_budgets(content)
         print(f"written  {folder}/")
     return exit_code(monitor, front.status.exit_code)
 
@@ -67,6 +76,25 @@ def _print(content: dict) -> None:
         for p in content["points"]
     ]
     print_table(headers, rows, right=range(len(headers)))
+
+
+def _print_budgets(content: dict) -> None:
+    headers = ("budget", "observation cost", "error", "lower bound", "gap", "price", "switches")
+    rows = [
+        (
+            number(p["budget"], 6),
+            number(p["observation_cost"], 6),
+            number(p["error"]),
+            number(p["lower_bound"]),
+            percent(p["relative_gap"]),
+            number(p["price"], 4),
+            str(p["switches"]),
+        )
+        for p in content["points"]
+    ]
+    print_table(headers, rows, right=range(len(headers)))
+    for refused in content["refused"]:
+        print(f"budget {refused['budget']:.6g}: {refused['why']}")
 
 
 def spaced(text: str) -> list[float]:

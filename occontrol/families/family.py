@@ -227,6 +227,10 @@ class Family(Protocol):
         """The certified front of observation cost against prediction error."""
         self._cannot(Ability.TRADEOFF)
 
+    def budgets(self, problem: BaseProblem, caps: Sequence[float], monitor: Monitor) -> Tradeoff:
+        """The certified front of prediction error over caps on the observation cost."""
+        self._cannot(Ability.TRADEOFF)
+
     def write_tradeoff(self, folder: Path, front: Tradeoff, figures: bool = True) -> list[Path]:
         """Write what `tradeoff` returned to a folder, with pictures if `figures`; the files written."""
         self._cannot(Ability.TRADEOFF)

@@ -164,6 +164,12 @@ class AthansFamily(RateFamily):
         """Observation cost against prediction error over the cost weight alpha."""
         return self._half(problem).tradeoff(problem, cost_weights, monitor)
 
+    def budgets(self, problem: AthansProblem, caps: Sequence[float], monitor: Monitor) -> Tradeoff:
+        """The least prediction error over caps on the observation cost."""
+        from occontrol.families.athans.budgets import budgets
+
+        return budgets(problem, caps, self._half(problem), monitor)
+
     def sensitivity(
         self, problem: AthansProblem, solution: Solution | None, monitor: Monitor, change: float | None = None
     ) -> ResultData:

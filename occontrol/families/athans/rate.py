@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from occontrol.core.monitor import Monitor
     from occontrol.core.target import TargetPlan
     from occontrol.core.trajectory import Trajectory
+    from occontrol.families.athans.budgets import BudgetFront
     from occontrol.families.athans.filter.online import MatchedFilter
     from occontrol.families.athans.tradeoff import Front
     from occontrol.files.page import Group
@@ -200,11 +201,15 @@ class RateFamily(Family):
 
         if problem.ruled:
             what = "tradeoff does not do rules on schedules"
-            raise UsageError(f"{what}\n  hint: solve with constraints: {{max_observation_cost: ..}}, one at a time")
+            raise UsageError(f"{what}\n  hint: tradeoff --budget FROM:TO:COUNT")
         return tradeoff(problem, cost_weights, monitor)
 
-    def write_tradeoff(self, folder: Path, front: Front, figures: bool = True) -> list[Path]:
+    def write_tradeoff(self, folder: Path, front: Front | BudgetFront, figures: bool = True) -> list[Path]:
         """tradeoff.json, front.csv, arrays.npz and pictures."""
+        from occontrol.families.athans.budgets import BudgetFront, write_budgets
+
+        if isinstance(front, BudgetFront):
+            return write_budgets(folder, front, figures)
         from occontrol.families.athans.front_folder import write_front
 
         return write_front(folder, front, figures)

@@ -62,11 +62,15 @@ class HullOptions:
     gap : relative, of mixture and bound
     cutoff : called for the bound that is high enough; it may fall meanwhile
     most : calls of the oracle
+    known : a bound that is known already, with the policy and the multipliers that prove it
+    value : of a mixture that keeps all rows, where one is known already
     """
 
     gap: float
     cutoff: Callable[[], float]
     most: int = 200
+    known: tuple[np.ndarray, Multipliers, float] | None = None
+    value: float = np.inf
 
 
 def bound_at(
@@ -120,7 +124,9 @@ def hull(
     at = Tangent.at(task, v)
     found = Hull(-np.inf, at, (v, multipliers, -np.inf), multipliers, plans)
     limited = bool(rows.known) or np.isfinite(task.rules.max_error) or not task.complete
-    value, last, idle = np.inf, -np.inf, 0
+    if options.known is not None:
+        found.proof, found.lower_bound = options.known, options.known[2]
+    value, last, idle = options.value, -np.inf, 0
     scale = max(abs(task.goal.observation * at.linear) + abs(task.goal.error * at.error), 1e-300)
     while True:
         found.rounds += 1

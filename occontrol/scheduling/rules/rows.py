@@ -105,6 +105,13 @@ class Rows:
             getattr(u, name)[at, j] = value / unit
         self.known.append(Row(rule, j, u, limit / unit, unit))
 
+    def adopt(self, other: Rows) -> int:
+        """Take over the rows of the same task without its cap; where its own row of the cap then stands, or would."""
+        at = next((i for i, row in enumerate(self.known) if row.rule == "max_observation"), len(self.known))
+        self.known[:] = [*other.known[:at], *self.known[at : at + 1], *other.known[at:]]
+        self._seen = other._seen
+        return at
+
     def separate(self, mean: Mean) -> int:
         """Add rows that an average of plans violates; how many."""
         before = len(self.known)

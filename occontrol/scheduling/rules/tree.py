@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -65,6 +65,26 @@ class Tree:
     complete: bool
 
 
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """What is known before the first node.
+
+    Parameters
+    ----------
+    weights : (N, C) policy to begin at
+    multipliers : of the rows and of the error
+    plans : schedules to begin with
+    known : a bound with policy and multipliers that prove it, or None
+    value : of a mixture that keeps all rules, where one is known
+    """
+
+    weights: np.ndarray
+    multipliers: Multipliers
+    plans: list[Plan] = field(default_factory=list)
+    known: tuple[np.ndarray, Multipliers, float] | None = None
+    value: float = np.inf
+
+
 @dataclass(order=True)
 class _Node:
     bound: float
@@ -110,8 +130,8 @@ class Search:
             return self._most
         return self.best.value - 0.5 * self.options.gap * abs(self.best.value)
 
-    def score(self, plan: Plan) -> None:
-        """Cost a plan, and improve it where it is the best, or early and near the best."""
+    def score(self, plan: Plan, improve: bool = True) -> None:
+        """Cost a plan, and improve it, if wished, where it is the best, or early and near the best."""
         if plan.key in self._scored:
             return
         self._scored.add(plan.key)
@@ -122,18 +142,19 @@ class Search:
         near = found.value < before + NEAR * abs(before)
         if found.value < before or (near and self._near < EARLY):
             self._near += not found.value < before
-            if self.options.moves:
+            if self.options.moves and improve:
                 found = self.mover.improve(found, self.options.moves, self.monitor)
             if found.value < before:
                 self.best = found
                 self._scored.add(found.plan.key)
                 self.told(found)
 
-    def run(self, start: np.ndarray) -> Tree:
-        """The search, from a policy `start` (N, C) at which the first bound is taken."""
+    def run(self, start: np.ndarray, begun: Begun | None = None) -> Tree:
+        """The search, from a policy `start` (N, C) at which the first bound is taken, or with what is known already."""
         task, monitor = self.task, self.monitor
         everything = np.ones_like(task.oracle.open)
-        root = self._solve(_Node(-np.inf, 0, everything, (start, Multipliers(np.empty(0)), [])))
+        begun = begun or Begun(start, Multipliers(np.empty(0)))
+        root = self._solve(_Node(-np.inf, 0, everything, (begun.weights, begun.multipliers, begun.plans)), begun)
         heap: list[_Node] = []
         closed, count = self._file(heap, root, everything, root.lower_bound, 1), 1
         while heap and not monitor.stop:
@@ -155,9 +176,11 @@ class Search:
         lower = np.inf if self.best is None and not heap and not monitor.stop else lower
         return Tree(self.best, lower, root, self.nodes, not heap)
 
-    def _solve(self, node: _Node) -> Hull:
+    def _solve(self, node: _Node, begun: Begun | None = None) -> Hull:
         self.nodes += 1
         options = HullOptions(0.1 * self.options.gap, lambda: self.cutoff, ROOT if self.nodes == 1 else INNER)
+        if begun is not None:
+            options = replace(options, known=begun.known, value=begun.value)
         return hull(self.task, self.rows, node.start, node.mask, options, self.score, self.monitor)
 
     def _file(self, heap: list, found: Hull, mask: np.ndarray, bound: float, count: int) -> float:

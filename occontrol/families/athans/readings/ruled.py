@@ -88,7 +88,7 @@ def certify_ruled(problem: ReadingsProblem, weights: np.ndarray, claims: Claims 
         raise ProblemError(Mistake(("schedule",), what))
     gap = getattr(problem.method, "relative_gap", 1e-4)
     relaxed = relax(Sweep(filled.recursion), allowed, monitor, gap).relaxed
-    search, tree = searched(task, relaxed, TreeOptions(most=1, moves=0), monitor, [plan])  # type: ignore[arg-type]
+    search, tree = searched(task, relaxed, TreeOptions(most=1, moves=0), monitor, [plan], allowed)  # type: ignore[arg-type]
     found = Outcome(plan, plan.weights, plan.switching, tree.lower_bound, tree.root, search.rows, tree.nodes)
     found.relaxed, found.target = relaxed, gap
     found.status = Status.FEASIBLE if relaxed is None else relaxed.status
@@ -147,7 +147,7 @@ def _assembled(
         status = Status.FEASIBLE
     status, message = checked(proof, plain, total, status, found.message)
     if status is not Status.DISAGREES:
-        message = (message or _message(certificate.lower_bound, proven, found)) + proof.remark(found.target)
+        message = (message or _message(certificate.lower_bound, proven, found, name)) + proof.remark(found.target)
     error = plain.running + plain.prediction - filled.constant
     further = {
         "switching_cost": found.switching,
@@ -169,10 +169,12 @@ def _assembled(
     return dataclasses.replace(solution, numbers=numbers)
 
 
-def _message(bound: float, proven: bool, found: Outcome) -> str:
+def _message(bound: float, proven: bool, found: Outcome, name: str) -> str:
     text = f"No schedule of these readings that keeps the rules costs less than {bound:.6g}."
     if proven:
         return text + " The schedule is proven optimal among them."
     if found.plan is None:
         return text + " The weights are a mixture of such schedules."
+    if name == "certify":
+        return text + " Whether a better one exists is for solve to find out."
     return text + f" With {'a larger max_nodes' if found.exact else 'exact: true'} the search goes on."

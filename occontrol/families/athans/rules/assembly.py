@@ -71,7 +71,7 @@ def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor
     plain = plain_bound(task, problem.upper, found.relaxed, found.root, certificate.lower_bound)
     error_of_steps = evaluated.error if judged is None else judged.discretisation_error
     if status is not Status.DISAGREES:
-        message = (message or _message(top, proven, found, problem.ruled)) + proof.remark(found.target)
+        message = (message or _message(top, proven, found, problem.ruled, name)) + proof.remark(found.target)
         message += f" The check in continuous time is not computed: {unfinished}" if unfinished else ""
     numbers = AthansResult(
         name=problem.name,
@@ -182,12 +182,14 @@ def _top(integrator: Integrator, found: Outcome, certificate: Certificate) -> To
     return TopNumbers(float(shown.cost), float(shown.lower_bound), float(shown.relative_gap), "grid")
 
 
-def _message(top: TopNumbers, proven: bool, found: Outcome, ruled: bool) -> str:
+def _message(top: TopNumbers, proven: bool, found: Outcome, ruled: bool, name: str) -> str:
     which = "that keeps the rules and changes at these edges" if ruled else "that changes at these edges"
     text = f"No schedule {which} costs less than {top.lower_bound:.6g}."
     if proven:
         return text + " The schedule is proven optimal among them."
     if found.plan is None:
         return text + " The weights are a mixture of such schedules."
+    if name == "certify":
+        return text + " Whether a better one exists is for solve to find out."
     hint = "a larger max_nodes" if found.exact else "exact: true"
     return text + f" With {hint} the search goes on." if top.relative_gap > 1e-3 or found.exact else text

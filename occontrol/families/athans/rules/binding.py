@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from occontrol.families.athans.rules.diagnosis import spelt
+from occontrol.families.athans.rules.frame import spelt
 from occontrol.scheduling.rules.check import changes
 from occontrol.scheduling.rules.hull import Hull
 from occontrol.scheduling.rules.plan import Plan

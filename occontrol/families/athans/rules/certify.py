@@ -61,7 +61,7 @@ def certify_ruled(problem: SchedulingProblem, schedule: Schedule, claims: Claims
         what = f"the error of the schedule is {error:.8g}, max_error is {task.rules.max_error:g}"
         raise ProblemError(Mistake(("schedule",), what))
     relaxed = sweep.outcome
-    search, tree = searched(task, relaxed, TreeOptions(most=1, moves=0), monitor, [plan])
+    search, tree = searched(task, relaxed, TreeOptions(most=1, moves=0), monitor, [plan], feasible_set(inner))
     found = Outcome(plan, plan.weights, plan.switching, tree.lower_bound, tree.root, search.rows, tree.nodes)
     found.relaxed, found.status, found.target = relaxed, relaxed.status, gap
     found.steps_chosen = problem.integration.substeps is None

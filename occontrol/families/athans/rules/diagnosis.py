@@ -7,28 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from occontrol.core.errors import InfeasibleError
-from occontrol.families.athans.rules.frame import Frame
+from occontrol.families.athans.rules.frame import Frame, spelt
 from occontrol.scheduling.rules.check import RELATIVE
 from occontrol.scheduling.rules.oracle import Prices
 from occontrol.scheduling.rules.rules import Rules
-
-WORDS = {
-    "duty_time": "duty",
-    "max_observation": "max_observation_cost",
-    "before": "before",
-    "after": "after: enforce",
-}
-
-
-def spelt(rule: str, sensor: str | None) -> str:
-    """A rule as the user wrote it: "min_on of sensor 'radar'", "max_switches".
-
-    Parameters
-    ----------
-    rule, sensor : as in Rules; no sensor where it is about all of them
-    """
-    word = WORDS.get(rule, rule)
-    return f"{word} of sensor '{sensor}'" if sensor else word
 
 
 def lacking(frame: Frame, rules: Rules) -> tuple[str, int | None] | None:

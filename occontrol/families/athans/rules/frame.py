@@ -12,6 +12,24 @@ from occontrol.scheduling.rules.builder import TooManyStates
 from occontrol.scheduling.rules.oracle import Oracle
 from occontrol.scheduling.rules.rules import Rules
 
+WORDS = {
+    "duty_time": "duty",
+    "max_observation": "max_observation_cost",
+    "before": "before",
+    "after": "after: enforce",
+}
+
+
+def spelt(rule: str, sensor: str | None) -> str:
+    """A rule as the user wrote it: "min_on of sensor 'radar'", "max_switches".
+
+    Parameters
+    ----------
+    rule, sensor : as in Rules; no sensor where it is about all of them
+    """
+    word = WORDS.get(rule, rule)
+    return f"{word} of sensor '{sensor}'" if sensor else word
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -54,4 +72,14 @@ class Frame:
             what = "these rules on this many sensors and intervals need more states than can be searched"
             raise UsageError(f"{what}\n  hint: fewer intervals, or fewer sensors with times of their own") from None
         except ValueError as error:
-            raise UsageError(f"{error}, rules cannot be searched\n  hint: fewer sensors, or a smaller select") from None
+            raise UsageError(self._too_many(str(error))) from None
+
+    def _too_many(self, error: str) -> str:
+        """Which key asks for more than can be searched, and for which rules that is."""
+        rules, stated = self.rules, self.rules.stated()
+        kinds = list(dict.fromkeys(spelt(rule, None) for rule, _ in stated)) or ["exact: true"]
+        kinds += ["switch_cost"] if rules.costs_changes() else []
+        real = int(np.sum(~rules.idle))
+        what = f"select: {rules.select} of {real} sensors makes {error}, too many to search with {', '.join(kinds)}"
+        hint = f"a smaller select, fewer sensors, or without {' and '.join(kinds)}"
+        return f"{what}\n  hint: {hint}"

@@ -18,6 +18,8 @@ from occontrol.families.athans.rules.frame import Frame
 from occontrol.families.athans.rules.plain_bound import slewing_bound
 from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.relaxation import RelaxedOutcome
+from occontrol.scheduling.rules.capped import begun_at_price
+from occontrol.scheduling.rules.caps import cap_of, only_cap
 from occontrol.scheduling.rules.hull import Hull
 from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.rows import Rows
@@ -107,9 +109,14 @@ def start_of(task: Task, relaxed: RelaxedOutcome) -> np.ndarray:
 
 
 def searched(
-    task: Task, relaxed: RelaxedOutcome, options: TreeOptions, monitor: Monitor, seeds: list[Plan]
+    task: Task,
+    relaxed: RelaxedOutcome,
+    options: TreeOptions,
+    monitor: Monitor,
+    seeds: list[Plan],
+    allowed: FeasibleSet | None = None,
 ) -> tuple[Search, Tree]:
-    """A search from the relaxed policy.
+    """A search from the relaxed policy, or with one cap from its price.
 
     Parameters
     ----------
@@ -118,10 +125,13 @@ def searched(
     options : TreeOptions
     monitor : Monitor
     seeds : plans to begin with
+    allowed : FeasibleSet without rules; without it no price is looked for
     """
     monitor.stage = "rules"
     search = Search(task, options, monitor, seeds)
-    return search, search.run(start_of(task, relaxed))
+    start, cap = start_of(task, relaxed), cap_of(task)
+    begun = None if cap is None or allowed is None else begun_at_price(search, cap, start, allowed)
+    return search, search.run(start, begun)
 
 
 def run(work: Work, method: Any) -> Outcome:
@@ -147,12 +157,14 @@ def run(work: Work, method: Any) -> Outcome:
 
 def _scheduled(work: Work, method: RelaxRoundPolish) -> Outcome:
     exact = method.exact_options
-    options = TreeOptions(Exact().relative_gap, NODES, MOVES if method.polish else 0, FIRST)
+    # where nothing but a cap binds the intervals together, a few nodes prove next to nothing
+    most = 1 if only_cap(work.task) else NODES
+    options = TreeOptions(Exact().relative_gap, most, MOVES if method.polish else 0, FIRST)
     watch = work.monitor.child()
     if exact is not None:
         options = TreeOptions(exact.relative_gap, exact.max_nodes, options.moves, exact.max_nodes)
         watch = work.monitor.child(exact.time_limit)
-    search, tree = searched(work.task, work.relaxed, options, watch, _seeds(work))
+    search, tree = searched(work.task, work.relaxed, options, watch, _seeds(work), work.allowed)
     if tree.best is None:
         if tree.complete and np.isinf(tree.lower_bound):
             raise refusal(_NONE, blamed(work.frame, work.task.rules))
