@@ -105,6 +105,7 @@ class RelaxRoundPolish:
     branch_first, strengthen : tighter bounds for readings, by fixing first choices and by noise extraction; None is
         where they pay
     exact : whether to search on for the proven optimum: true, or {relative_gap, max_nodes, time_limit}
+    off_grid : whether the switch times of a schedule with rules are moved off the grid in the end
     """
 
     name: ClassVar[str] = "schedule"
@@ -115,6 +116,7 @@ class RelaxRoundPolish:
     branch_first: bool | None = None
     strengthen: bool | None = None
     exact: bool | dict[str, float] | None = None
+    off_grid: bool = False
 
     def __post_init__(self) -> None:
         check_options(self, positive=_POSITIVE, whole={"max_iterations": 1, "polish": 0})
@@ -142,9 +144,10 @@ class RelaxRoundPolish:
         """Options of readings for a problem of continuous sensing."""
         stated = [name for name in ("branch_first", "strengthen") if getattr(self, name) is not None]
         hint = "sensing: samples, or horizon: {steps: ..}"
-        return [] if problem.takes_readings else [
-            Mistake((name,), f"{name} is for readings at instants", hint, key=True) for name in stated
-        ]  # fmt: skip
+        if problem.takes_readings:
+            what = "off_grid moves the switch times of continuous sensing, readings have instants of their own"
+            return [Mistake(("off_grid",), what, "without off_grid", key=True)] if self.off_grid else []
+        return [Mistake((name,), f"{name} is for readings at instants", hint, key=True) for name in stated]
 
     def run(self, problem: SchedulingProblem, sweep: Sweep, feasible_set: FeasibleSet, monitor: Monitor) -> Found:
         """The best of several roundings of the relaxed optimum, polished."""

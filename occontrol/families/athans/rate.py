@@ -61,7 +61,7 @@ class RateFamily(Family):
         from occontrol.families.athans.discretise import feasible_set
         from occontrol.families.athans.integration.refine import search_space
 
-        if problem.ruled or getattr(method, "exact_options", None) is not None:
+        if problem.ruled or getattr(method, "exact_options", None) is not None or getattr(method, "off_grid", False):
             from occontrol.families.athans.rules.solve import solve_ruled
 
             return solve_ruled(problem, method, monitor)

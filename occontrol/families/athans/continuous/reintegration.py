@@ -17,11 +17,12 @@ from occontrol.families.athans.continuous.minimum_integral import minimum_integr
 from occontrol.families.athans.continuous.panels import Panels, PolicyData
 from occontrol.families.athans.continuous.stretch import Stretch, stretch_length
 from occontrol.families.athans.problem import SchedulingProblem
-from occontrol.numerics.gauss import gauss_nodes, tail
+from occontrol.numerics.gauss import gauss_nodes, legendre_coefficients, tail
 from occontrol.numerics.linalg import square_root
 
 ROUNDS = 6
 KEPT_BYTES = 3e8
+RESOLVED = 1e-9  # of the largest switching function
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +119,43 @@ def reintegrate(problem: SchedulingProblem, schedule: Schedule, rtol: float = 1e
         covariance_at_edges=sweep.covariance_at_edges,
         error=error,
     )
+
+
+def switching_at_edges(problem: SchedulingProblem, schedule: Schedule, rtol: float = 1e-9) -> tuple[float, np.ndarray]:
+    """J of a policy and the switching functions s_j (K+1, M) at its edges, by the same flow.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem with M sensors
+    schedule : Schedule, edges (K+1,), weights (K, M), over the problem's horizon
+    rtol : relative tolerance of what is integrated
+
+    Raises KeyError when the schedule lacks one of the problem's sensors, SolveFailed where the numbers overflow.
+    """
+    data = PolicyData.of(problem, schedule)
+    output, _ = data.prediction(rtol)
+    panels = data.resolve(data.breaks(), rtol)
+    if problem.running is not None:
+        panels = _graded(data, panels, output)
+    for remaining in reversed(range(ROUNDS)):
+        sweep = _Sweep(data, panels, output)
+        sweep.forward()
+        cost = problem.cost_weight * sweep.observation_cost + sweep.running_cost + sweep.prediction_error
+        sweep.backward()
+        if not np.all(np.isfinite([cost, np.sum(sweep.switching)])):
+            raise SolveFailed("the flow along the schedule overflowed")
+        # here the values at the ends of the panels count, so every panel has to resolve them
+        rough = np.max(tail(sweep.switching), axis=1) > RESOLVED * np.max(np.abs(sweep.switching))
+        rough &= panels.lengths > 1e-12 * problem.steps.sum()
+        if not remaining or not np.any(rough):
+            break
+        panels = panels.divide(1 + rough)
+    # the polynomials through the nodes, at the ends of the first panel of every interval and of the last one
+    left = np.append(True, panels.interval[1:] != panels.interval[:-1])
+    coefficients = legendre_coefficients(sweep.switching)
+    begins = np.einsum("pcm,c->pm", coefficients[left], (-1.0) ** np.arange(coefficients.shape[1]))
+    ends = np.sum(coefficients[-1:], axis=1)
+    return cost, np.concatenate([begins, ends])
 
 
 class _Sweep:

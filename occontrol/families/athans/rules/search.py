@@ -90,6 +90,7 @@ class Work:
     allowed : FeasibleSet without rules
     relaxed : the relaxation without rules
     monitor : Monitor
+    known : (N, M) what is on in a schedule to begin with, or None
     """
 
     task: Task
@@ -98,6 +99,7 @@ class Work:
     allowed: FeasibleSet
     relaxed: RelaxedOutcome
     monitor: Monitor
+    known: np.ndarray | None = None
 
 
 def start_of(task: Task, relaxed: RelaxedOutcome) -> np.ndarray:
@@ -192,6 +194,8 @@ def _seeds(work: Work) -> list[Plan]:
     """The schedule of an earlier solution, and what comes nearest to the rounded relaxation."""
     task = work.task
     plans = [nearest(task, work.allowed.round(work.relaxed.weights))]
+    if work.known is not None:
+        plans.append(task.oracle.follow(work.known))
     earlier = work.monitor.resume
     if earlier is not None and work.monitor.resumed and earlier.schedule is not None:
         weights = np.asarray(earlier.schedule.weights)
