@@ -20,6 +20,7 @@ from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 from occontrol.scheduling.rules.check import RELATIVE
 from occontrol.scheduling.rules.master import Master, Multipliers, Tangent
+from occontrol.scheduling.rules.oracle import Prices
 from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.rows import Mean, Rows, priced
 from occontrol.scheduling.rules.task import Task
@@ -85,17 +86,35 @@ def bound_at(
     multipliers : Multipliers, not negative
     mask : (N, A) allowed actions, or None
     """
+    constant, g, prices = _tangent_line(task, rows, at, multipliers)
+    least, plan = task.oracle.minimise(g, prices, mask)
+    return (np.inf, None) if plan is None else (constant + least, plan)
+
+
+def bounds_at(task: Task, rows: Rows, at: Tangent, multipliers: Multipliers, mask: np.ndarray | None) -> np.ndarray:
+    """(N, A) the bound that a tangent and multipliers prove for the schedules that do action a on interval k.
+
+    Parameters
+    ----------
+    task, rows : what is to be bounded
+    at : Tangent, at any policy
+    multipliers : Multipliers, not negative
+    mask : (N, A) allowed actions, or None
+    """
+    constant, g, prices = _tangent_line(task, rows, at, multipliers)
+    return constant + task.oracle.least_through(g, prices, mask)
+
+
+def _tangent_line(task: Task, rows: Rows, at: Tangent, multipliers: Multipliers) -> tuple[float, np.ndarray, Prices]:
+    """Constant, gradient (N, C) and prices of the linear function below the Lagrangian."""
     goal = task.goal
     factor = goal.error + multipliers.error
     g = goal.observation * task.price + factor * at.slope
     prices, owed = priced(rows.known, multipliers.rows, *task.spend.shape)
-    least, plan = task.oracle.minimise(g, prices, mask)
-    if plan is None:
-        return np.inf, None
     constant = goal.observation * at.linear + factor * at.error - float(np.vdot(g, at.weights)) - owed
     if multipliers.error > 0:
         constant -= multipliers.error * task.rules.max_error * (1 + RELATIVE)
-    return constant + least, plan
+    return constant, g, prices
 
 
 def hull(

@@ -27,6 +27,27 @@ def cheapest(table, first, tail, head, action, event, price, entry, value, befor
 
 
 @njit(**OPTIONS)
+def least_through(table, first, tail, head, action, event, price, entry, value, rest, least):
+    """least[k, a] = the cheapest path whose action on interval k is a, for all k and a.
+
+    Arrays as in `cheapest`, whose `value` (N+1, Q) is complete; rest (N+1, Q) holds 0 at the end where a path may end
+    and inf elsewhere, least (N, A) inf.
+    """
+    N = table.shape[0]
+    for k in range(N - 1, -1, -1):
+        t = table[k]
+        for e in range(first[t], first[t + 1]):
+            onward = rest[k + 1, head[e]]
+            if onward < 1e300:
+                x = price[k, action[e]] + entry[k, event[e]] + onward
+                if x < rest[k, tail[e]]:
+                    rest[k, tail[e]] = x
+                whole = value[k, tail[e]] + x
+                if whole < least[k, action[e]]:
+                    least[k, action[e]] = whole
+
+
+@njit(**OPTIONS)
 def along(before, tail, last, path):
     """The transitions (N,) of the path that ends in state `last`."""
     state = last

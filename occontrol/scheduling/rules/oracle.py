@@ -11,7 +11,7 @@ import numpy as np
 
 from occontrol.scheduling.rules.builder import build
 from occontrol.scheduling.rules.grid import Grid
-from occontrol.scheduling.rules.kernels import along, cheapest
+from occontrol.scheduling.rules.kernels import along, cheapest, least_through
 from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.rules import Rules
 
@@ -98,18 +98,44 @@ class Oracle:
         mask : (N, A) actions that are allowed beside what windows allow, or None for all
         """
         a, N = self.automaton, self.grid.intervals
-        price = gradient @ a.columns.T
-        entry = np.repeat(self._event_cost[None], N, axis=0)
-        if prices is not None:
-            price = price + prices.on @ a.on.T
-            entry += prices.start @ self._started.T + prices.stop @ self._stopped.T
-        allowed = self.open if mask is None else self.open & mask
-        value, last = self._run(np.where(allowed, price, np.inf), entry)
+        value, last = self._run(*self._costs(gradient, prices, mask))
         if not np.isfinite(value):
             return np.inf, None
         path = np.empty(N, dtype=np.int64)
         along(self._before, a.tail, last, path)
         return value, self.plan(path)
+
+    def _costs(
+        self, gradient: np.ndarray, prices: Prices | None, mask: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What actions (N, A) and events (N, V) cost."""
+        a = self.automaton
+        price = gradient @ a.columns.T
+        entry = np.repeat(self._event_cost[None], self.grid.intervals, axis=0)
+        if prices is not None:
+            price = price + prices.on @ a.on.T
+            entry += prices.start @ self._started.T + prices.stop @ self._stopped.T
+        allowed = self.open if mask is None else self.open & mask
+        return np.where(allowed, price, np.inf), entry
+
+    def least_through(
+        self, gradient: np.ndarray, prices: Prices | None = None, mask: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(N, A) the smallest value of a schedule that does action a on interval k; inf where there is none.
+
+        Parameters
+        ----------
+        gradient : (N, C) g
+        prices : Prices, or None
+        mask : (N, A) actions that are allowed beside what windows allow, or None for all
+        """
+        a, N = self.automaton, self.grid.intervals
+        price, entry = self._costs(gradient, prices, mask)
+        self._run(price, entry)
+        rest, least = np.full_like(self._value, np.inf), np.full((N, a.actions), np.inf)
+        rest[-1, a.final] = 0.0
+        least_through(a.table, a.first, a.tail, a.head, a.action, a.event, price, entry, self._value, rest, least)
+        return least
 
     def nearest(self, price: np.ndarray) -> Plan | None:
         """The plan whose actions cost least by price (N, A), whatever its changes cost; None where there is none."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from occontrol.core.monitor import Monitor
-from occontrol.scheduling.rules.hull import Hull, HullOptions, hull
-from occontrol.scheduling.rules.master import Multipliers
+from occontrol.scheduling.rules.hull import Hull, HullOptions, bounds_at, hull
+from occontrol.scheduling.rules.master import Multipliers, Tangent
 from occontrol.scheduling.rules.moves import Mover, Scored
 from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.rows import Rows
@@ -90,6 +90,7 @@ class _Node:
     bound: float
     number: int
     mask: np.ndarray = field(compare=False)
+    chosen: np.ndarray = field(compare=False)
     start: tuple[np.ndarray, Multipliers, list[Plan]] = field(compare=False)
 
 
@@ -154,9 +155,11 @@ class Search:
         task, monitor = self.task, self.monitor
         everything = np.ones_like(task.oracle.open)
         begun = begun or Begun(start, Multipliers(np.empty(0)))
-        root = self._solve(_Node(-np.inf, 0, everything, (begun.weights, begun.multipliers, begun.plans)), begun)
+        root = self._solve(
+            _Node(-np.inf, 0, everything, everything, (begun.weights, begun.multipliers, begun.plans)), begun
+        )
         heap: list[_Node] = []
-        closed, count = self._file(heap, root, everything, root.lower_bound, 1), 1
+        closed, count = self._file(heap, root, everything, everything, root.lower_bound, 1), 1
         while heap and not monitor.stop:
             if self.nodes >= (self.options.most if self.best else max(self.options.most, self.options.first)):
                 break
@@ -167,7 +170,7 @@ class Search:
             found = self._solve(node)
             bound = max(found.lower_bound, node.bound)
             count += 8
-            closed = min(closed, self._file(heap, found, node.mask, bound, count))
+            closed = min(closed, self._file(heap, found, node.mask, node.chosen, bound, count))
             value = np.inf if self.best is None else self.best.value
             monitor.report(self.nodes, value, min(closed, value, *(n.bound for n in heap[:1])))
         open_bounds = [n.bound for n in heap]
@@ -183,15 +186,27 @@ class Search:
             options = replace(options, known=begun.known, value=begun.value)
         return hull(self.task, self.rows, node.start, node.mask, options, self.score, self.monitor)
 
-    def _file(self, heap: list, found: Hull, mask: np.ndarray, bound: float, count: int) -> float:
+    def _file(self, heap: list, found: Hull, mask: np.ndarray, chosen: np.ndarray, bound: float, count: int) -> float:
         """Put the children of a node on the heap; what the node's schedules cost at least, where it has none."""
         if not np.isfinite(found.lower_bound) or bound >= self.cutoff:
             return bound
-        children = self._children(found, mask)
+        policy, multipliers, _ = found.proof
+        each = bounds_at(
+            self.task, self.rows, Tangent.at(self.task, policy), multipliers.padded(len(self.rows.known)), mask
+        )
+        # what cannot better the best schedule is left out of all that follows
+        cutoff = self.cutoff
+        closed = cutoff if np.any(mask & (each >= cutoff)) else np.inf
+        useful = mask & (each < cutoff)
+        children = self._children(found, chosen, useful)
         if not children:
-            plan = self.task.oracle.minimise(np.zeros(self.task.oracle.shape), None, mask)[1]
-            return np.inf if plan is None else self.task.value(plan)
-        for i, child in enumerate(children):
+            plan = self.task.oracle.minimise(np.zeros(self.task.oracle.shape), None, useful)[1]
+            return closed if plan is None else min(closed, self.task.value(plan))
+        for i, (child, at, actions) in enumerate(children):
+            own = max(bound, float(np.min(each[at, actions], initial=np.inf)))
+            if own >= cutoff:
+                closed = min(closed, own)
+                continue
             kept = [(p, s) for p, s in zip(found.plans, _filled(found), strict=True) if _allowed(p, child)]
             plans = [p for p, _ in kept]
             shares = np.array([s for _, s in kept])
@@ -199,29 +214,33 @@ class Search:
             if plans:
                 shares = shares / np.sum(shares) if np.sum(shares) > 0 else np.full(len(plans), 1 / len(plans))
                 v = np.einsum("p,pnc->nc", shares, np.array([p.weights for p in plans]))
-            heapq.heappush(heap, _Node(bound, count + i, child, (v, found.multipliers, plans)))
-        return np.inf
+            branch = chosen.copy()
+            branch[at] &= actions
+            heapq.heappush(heap, _Node(own, count + i, child, branch, (v, found.multipliers, plans)))
+        return closed
 
-    def _children(self, found: Hull, mask: np.ndarray) -> list[np.ndarray]:
-        """Masks that part the schedules of a node; empty where it is a single schedule."""
+    def _children(self, found: Hull, mask: np.ndarray, useful: np.ndarray) -> list[tuple[np.ndarray, int, np.ndarray]]:
+        """(mask, interval, (A,) actions there) that part the schedules of a node; empty where it is a single one."""
         oracle = self.task.oracle
-        allowed = oracle.open & mask
-        groups = np.stack([np.any(allowed[:, oracle.group == g], axis=1) for g in range(len(oracle.sets))], axis=1)
+        groups, wide = (
+            np.stack([np.any((oracle.open & m)[:, oracle.group == g], axis=1) for g in range(len(oracle.sets))], axis=1)
+            for m in (useful, mask)
+        )
         free = np.sum(groups, axis=1) > 1
         if not np.any(free):
             return []
         share = np.zeros(groups.shape)
         for plan, s in zip(found.plans, _filled(found), strict=True):
             share[np.arange(len(share)), oracle.group[plan.actions]] += s
-        at = self._where(found, groups, free, share)
+        at = self._where(found, wide, free, share)
         order = [int(g) for g in np.argsort(-share[at], kind="stable") if groups[at, g]]
         own = [g for g in order if share[at, g] > USED][:CHILDREN] or order[:1]
         children = []
         for part in [*([g] for g in own), [g for g in order if g not in own]]:
             if part:
-                child = mask.copy()
+                child = useful.copy()
                 child[at] &= np.isin(oracle.group, part)
-                children.append(child)
+                children.append((child, at, child[at].copy()))
         return children
 
     def _where(self, found: Hull, groups: np.ndarray, free: np.ndarray, share: np.ndarray) -> int:

@@ -7,6 +7,7 @@ import pytest
 
 from occontrol.core.monitor import Monitor
 from occontrol.scheduling.rules.check import keeps
+from occontrol.scheduling.rules.oracle import Prices
 from occontrol.scheduling.rules.tree import Search, TreeOptions
 from tests.scheduling.rules.enumeration import allowed, error, optimum, words
 from tests.scheduling.rules.small_problems import small, task_of
@@ -69,3 +70,26 @@ def test_rules_under_which_no_first_interval_is_possible_have_no_schedule() -> N
     task = task_of(p, alpha, goal)
     tree = Search(task, TreeOptions(), Monitor(), []).run(np.zeros(task.oracle.shape))
     assert tree.best is None and tree.lower_bound == np.inf and task.oracle.first_impossible() == 0
+
+
+@pytest.mark.parametrize("seed", [2, 3, 5, 8, 11, 13, 17])
+def test_what_the_best_schedule_through_an_action_costs_is_that_of_enumeration(seed: int) -> None:
+    p, alpha, goal = small(seed, 4)
+    p.rules |= {"max_observation": np.inf, "max_error": np.inf}
+    task = task_of(p, alpha, goal)
+    if not task.complete:
+        pytest.skip("some rules are priced")
+    rng = np.random.default_rng(seed)
+    g = rng.normal(size=task.oracle.shape)
+    M, prices = p.upper.shape[1], Prices(*rng.uniform(0, 0.3, (3, *p.upper.shape)))
+    least = task.oracle.least_through(g, prices)
+    best = np.full(least.shape, np.inf)
+    for word in words(p):
+        if not allowed(p, list(word)):
+            continue
+        plan = task.oracle.follow(np.array([[j in s for j in range(M)] for s in word]))
+        assert plan is not None
+        value = float(np.vdot(g, plan.weights)) + plan.switching + prices.of(plan)
+        at = np.arange(len(plan.actions)), plan.actions
+        best[at] = np.minimum(best[at], value)
+    np.testing.assert_allclose(least, best, rtol=1e-12, atol=1e-12)
