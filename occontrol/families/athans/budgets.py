@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from occontrol.core.errors import FileAccessError, InfeasibleError, ProblemError
+from occontrol.core.errors import FileAccessError, InfeasibleError, ProblemError, SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.base import AthansProblem
@@ -90,7 +89,9 @@ class BudgetFront:
 
 def _top(solution: Solution) -> tuple[float, float]:
     numbers: AthansResult = solution.numbers  # type: ignore[assignment]
-    pair: Any = numbers.top or solution.certificate
+    pair = numbers.top or solution.certificate
+    if pair is None:
+        raise SolveFailed("a schedule has no certificate")
     return pair.cost, pair.lower_bound
 
 
@@ -124,8 +125,8 @@ def budgets(problem: AthansProblem, caps: Sequence[float], family: Family, monit
         watch = monitor.child()
         watch.stage = f"budget {cap:.4g}"
         watch.resume = kept[-1][1] if kept else None
-        stated: Any = problem
-        capped = replace(stated, rules=replace(rules, max_observation_cost=cap), minimise="error", expect=None)
+        limits = replace(rules, max_observation_cost=cap)
+        capped = replace(problem, rules=limits, minimise="error", expect=None)  # type: ignore[type-var]
         try:
             solution = family.solve(capped, method, watch)
         except InfeasibleError as error:

@@ -16,6 +16,7 @@ from occontrol.families.athans.balanced import balanced, restored
 from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.found import relax
 from occontrol.families.athans.integration.refine import search_space
+from occontrol.families.athans.methods import RelaxRoundPolish
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.rules.assembly import assemble_ruled
 from occontrol.families.athans.rules.columns import on_of
@@ -48,7 +49,7 @@ def solve_ruled(problem: SchedulingProblem, method: Any, monitor: Monitor) -> So
     return _moved(problem, method, monitor, solution)
 
 
-def _solved(problem: SchedulingProblem, method: Any, monitor: Monitor, known: Schedule | None) -> Solution:
+def _solved(problem: SchedulingProblem, method: RelaxRoundPolish, monitor: Monitor, known: Schedule | None) -> Solution:
     """One search; `known` is a schedule on the problem's edges to begin with."""
     began = stopwatch.seconds()
     inner, units = balanced(prepared(problem, method.relative_gap))
@@ -65,7 +66,7 @@ def _solved(problem: SchedulingProblem, method: Any, monitor: Monitor, known: Sc
     return restored(solution, problem, units)
 
 
-def _moved(problem: SchedulingProblem, method: Any, monitor: Monitor, solution: Solution) -> Solution:
+def _moved(problem: SchedulingProblem, method: RelaxRoundPolish, monitor: Monitor, solution: Solution) -> Solution:
     """The solution with switch times off the grid, certified anew on a grid that has them; or as it is."""
     schedule: Schedule = solution.schedule  # type: ignore[assignment]
     moved = off_grid(prepared(problem, method.relative_gap), schedule)
