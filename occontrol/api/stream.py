@@ -16,6 +16,7 @@ from occontrol.core.measurement import OnlineLoop, Step
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
 from occontrol.families.family import Ability
+from occontrol.files.plain_json import plain
 
 KEYS = ("t", "readings")
 HINT = 'for example {"t": 0.5, "readings": {"radar": [1.2]}}'
@@ -46,7 +47,7 @@ def filter_stream(
             given = _read(line)
             if given:
                 step = _advance(loop, given)
-            yield _answer(loop, step)
+            yield plain(_answer(loop, step))  # type: ignore[misc]
         except OccontrolError as error:
             yield {"error": str(error), "line": number}
 
@@ -121,17 +122,16 @@ def _answer(loop: OnlineLoop, step: Step | None) -> PlainDict:
         return coming
     found: PlainDict = {
         "t": float(step.time),
-        "estimate": step.estimate.tolist(),
-        "deviation": step.standard_deviation.tolist(),
-        "nis": None if math.isnan(step.nis) else float(step.nis),
+        "estimate": step.estimate,
+        "deviation": step.standard_deviation,
+        "nis": step.nis,
         "dimension": int(step.dimension),
         **coming,
     }
     if len(step.prediction):
-        found["predicted"] = step.prediction.tolist()
-        found["predicted_deviation"] = np.sqrt(np.maximum(np.diag(step.prediction_covariance), 0.0)).tolist()
+        found["predicted"] = step.prediction
+        found["predicted_deviation"] = np.sqrt(np.maximum(np.diag(step.prediction_covariance), 0.0))
     for name in ("planned", "skipped", "missing", "level", "guarantee"):
         if hasattr(step, name):
-            value = getattr(step, name)
-            found[name] = list(value) if isinstance(value, tuple) else value
+            found[name] = getattr(step, name)
     return found

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from occontrol.api import read_problem, read_run, run_filter, simulate, write_run
+from occontrol.api import family_of, read_problem, read_run, run_filter, simulate, write_run
 from occontrol.api.stream import filter_stream
 from occontrol.cli import run
 from occontrol.core.errors import UsageError
@@ -111,3 +111,13 @@ def test_refusals(folder: Path, solved, capsys) -> None:
     hybrid = read_problem(Path(__file__).parents[2] / "problems" / "guarded_thermostat.yaml")
     with pytest.raises(UsageError, match="family hybrid cannot run on line"):
         list(filter_stream(hybrid, solution, []))
+
+
+def test_a_set_of_possible_states_slot_by_slot(solved) -> None:
+    solution = solved("robust_oscillator")
+    loop = family_of(solution.problem).online(solution.problem, solution)
+    answers = list(filter_stream(solution.problem, solution, ["{}", '{"readings": {}}']))
+    assert set(answers[0]["next_sensors"]) <= set(solution.problem.sensors.names)
+    done = loop.step({})
+    assert answers[1]["estimate"] == done.estimate.tolist() and answers[1]["level"] == done.level
+    assert answers[1]["nis"] is None and answers[1]["t"] == answers[0]["next_t"]

@@ -143,7 +143,7 @@ def test_c_compiles_and_prints_the_gain(run: Path, small_solution: Solution) -> 
         '#include <stdio.h>\n#include "tables.h"\nint main(void) { printf("%.17g %s\\n", '
         "occontrol_gain[3][1][0], occontrol_sensors[1]); return 0; }\n"
     )
-    command = ["cc", "-std=c99", "-Wall", "-Wno-unused-variable", "-Werror", str(main), "-o", str(run.parent / "main")]
+    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", str(main), "-o", str(run.parent / "main")]
     subprocess.run(command, check=True)
     value, name = subprocess.run([str(run.parent / "main")], check=True, capture_output=True, text=True).stdout.split()
     assert (float(value), name) == (small_solution.arrays["gain"][3, 1, 0], "doppler")

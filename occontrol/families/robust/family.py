@@ -219,7 +219,7 @@ class Robust(Family):
         slots = table_of(problem)
         if slots is None:
             raise SolveFailed("the states are in units too far apart\n  hint: give them in units of their deviations")
-        return OnlineSwitching(slots, problem.plant)
+        return OnlineSwitching(slots, problem.plant, names=problem.sensors.names)
 
 
 FAMILY = Robust()

@@ -19,6 +19,13 @@ from occontrol.files.export.c_text import c_string, comment
 
 PREFIX = "occontrol_"
 WIDTH = 120
+UNUSED = (  # whoever includes the file may use a part of it
+    "#if defined(__GNUC__)",
+    "#define OCCONTROL_UNUSED __attribute__((unused))",
+    "#else",
+    "#define OCCONTROL_UNUSED",
+    "#endif",
+)
 
 
 def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndarray], target: Path) -> list[Path]:
@@ -34,10 +41,11 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
     names = list(getattr(getattr(problem, "sensors", None), "names", []))
     title = comment(f"{problem.name}; family {problem.family}, method {solution.method}")
     lines = [f"/* {title}: written by occontrol export */", "#ifndef OCCONTROL_EXPORT_H", "#define OCCONTROL_EXPORT_H"]
-    lines += ["", "#include <math.h>", ""]
+    lines += ["", "#include <math.h>", "", *UNUSED, ""]
     if names:
         lines += [f"#define {PREFIX.upper()}SENSORS {len(names)}"]
-        lines += [f"static const char *const {PREFIX}sensors[{len(names)}] = {{{', '.join(map(c_string, names))}}};"]
+        listed = ", ".join(map(c_string, names))
+        lines += [f"OCCONTROL_UNUSED static const char *const {PREFIX}sensors[{len(names)}] = {{{listed}}};"]
     arrays = dict(solution.arrays)
     arrays |= {f"filter_{name}": value for name, value in tables.items()}
     for name, value in arrays.items():
@@ -52,7 +60,7 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
 def _definition(name: str, array: np.ndarray) -> list[str]:
     kind, spell = ("double", _number) if array.dtype.kind == "f" else ("int", lambda x: str(int(x)))
     sizes = "".join(f"[{size}]" for size in array.shape)
-    return [f"static const {kind} {name}{sizes} =", *_wrapped(_values(array, spell) + ";")]
+    return [f"OCCONTROL_UNUSED static const {kind} {name}{sizes} =", *_wrapped(_values(array, spell) + ";")]
 
 
 def _values(array: np.ndarray, spell: Callable[[float], str]) -> str:

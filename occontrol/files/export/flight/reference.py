@@ -1,7 +1,7 @@
 """The filter of the target in Python: the same operations in the same order, so that every bit is the same.
 
 A sum runs from its first term to its last (np.add.accumulate does); what C does for one row after the other happens
-here for all rows at once, which changes no order within a sum. The formulas stand in templates/head.c.
+here for all rows at once, which changes no order within a sum. The formulas stand in templates/a_head.c.
 """
 
 from __future__ import annotations

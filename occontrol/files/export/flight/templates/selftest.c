@@ -80,6 +80,30 @@ static int occ_replay(uint32_t pattern)
     return (occ_step(&f, occ_samples[0], NULL) == OCC_END) ? 0 : occ_fails("the end of the horizon", (unsigned long)k);
 }
 
+/* all patterns at once: a filter shares nothing with another */
+static int occ_interleaved(void)
+{
+    occ_filter f[OCC_PATTERNS];
+    occ_status status[OCC_PATTERNS];
+    uint32_t p;
+    uint32_t k;
+
+    for (p = 0U; p < OCC_PATTERNS; p++) {
+        status[p] = occ_init(&f[p]);
+    }
+    for (k = 0U; k <= OCC_INTERVALS; k++) {
+        for (p = 0U; p < OCC_PATTERNS; p++) {
+            if (occ_sum(&f[p], status[p]) != occ_expected[p][k]) {
+                return occ_fails("filters side by side", (unsigned long)k);
+            }
+            if (k < OCC_INTERVALS) {
+                status[p] = occ_step(&f[p], occ_samples[k], occ_valid[p][k]);
+            }
+        }
+    }
+    return 0;
+}
+
 /*.*/
 int main(void)
 {
@@ -100,6 +124,7 @@ int main(void)
     for (k = 0U; k < OCC_PATTERNS; k++) {
         failed += occ_replay(k);
     }
+    failed += occ_interleaved();
 /*.*/
     if (failed == 0) {
         (void)printf("passed: %s\n", occ_digest());
