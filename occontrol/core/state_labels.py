@@ -31,7 +31,9 @@ def state_names(owner: object) -> list[str]:
     if isinstance(owner, int):
         return default_names(owner)
     plant = getattr(owner, "plant", owner)
-    return list(getattr(plant, "names", ())) or default_names(int(getattr(plant, "states", 0)))
+    # a jumping-mode plant has names, too, but of its modes: names of states come with units
+    given = getattr(plant, "names", ()) if hasattr(plant, "units") else ()
+    return list(given) or default_names(int(getattr(plant, "states", 0)))
 
 
 def state_units(owner: object) -> list[str]:

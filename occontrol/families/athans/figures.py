@@ -14,12 +14,10 @@ from occontrol.families.athans.figures_compare import draw_compare
 from occontrol.families.athans.overview import compress, convergence, overview, subtitle
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.files.figures import style
-from occontrol.files.figures.panels import (
-    curves_panel,
-    legend,
-    map_panel,
-    schedule_panel,
-)
+from occontrol.files.figures.axes import alike, together
+from occontrol.files.figures.panels import curves_panel, legend, map_panel, schedule_panel
+from occontrol.files.page.thin import runs
+from occontrol.files.page.usual import column_edges, deviations
 from occontrol.numerics.transition import transitions
 
 __all__ = ["draw", "draw_compare"]
@@ -96,71 +94,80 @@ def _draw_schedule(axes: Axes, problem: SchedulingProblem, solution: Solution, l
 
 
 def _draw_states(axes: Axes, problem: SchedulingProblem, solution: Solution, label: bool = True) -> None:
-    times, covariance = solution.arrays["times"], solution.arrays["covariance"]
-    deviation = np.sqrt(np.maximum(np.einsum("kii->ki", covariance), 0.0))
+    times, values = solution.arrays["times"], deviations(solution.arrays["covariance"])
     names = state_labels(problem)
     axes.set_title("standard deviation of the estimation error")
     if problem.states <= style.MOST_LINES:
-        curves_panel(axes, times, deviation, names, "deviation")
+        curves_panel(axes, times, values, names, "deviation")
     else:
-        largest = np.max(deviation, axis=0)
-        relative = deviation / np.where(largest > 0, largest, 1.0)
-        middles = np.concatenate([times[:1], (times[1:] + times[:-1]) / 2, times[-1:]])
-        map_panel(axes, middles, relative, names, "share of its largest")
+        map_panel(axes, column_edges(times, len(times)), values, names, "deviation", ends=True)
     style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1], label)
+
+
+def predicts(problem: SchedulingProblem, solution: Solution) -> bool:
+    """Whether there is a prediction to draw: an output of which something is not known.
+
+    Parameters
+    ----------
+    problem : SchedulingProblem
+    solution : Solution
+    """
+    return bool(np.any(output_deviation(problem, solution.arrays["covariance"]) > 0))
 
 
 def _draw_output(axes: Axes, problem: SchedulingProblem, solution: Solution, label: bool = True) -> None:
     times = solution.arrays["times"]
     deviation = output_deviation(problem, solution.arrays["covariance"])
-    p = deviation.shape[1]
-    shown = np.sort(np.argsort(-deviation[-1])[: style.MOST_LINES])
+    names = [f"w{i + 1}" for i in range(deviation.shape[1])]
     axes.set_title(f"standard deviation of the prediction for t = {problem.predict_at:g}, made at time t")
-    if p > len(shown):
-        axes.set_title(f"{axes.get_title(loc='left')} (the {len(shown)} largest of {p})")
-    curves_panel(axes, times, deviation[:, shown], [f"w{i + 1}" for i in shown], "deviation")
+    if len(names) <= style.MOST_LINES:
+        curves_panel(axes, times, deviation, names, "deviation")
+    else:
+        map_panel(axes, column_edges(times, len(times)), deviation, names, "deviation", ends=True)
     style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1], label)
 
 
 def _draw_switching(axes: Axes, problem: SchedulingProblem, solution: Solution, label: bool = True) -> None:
     switching = np.where(problem.upper > 0, solution.arrays["switching"], np.nan)
-    names, edges = problem.sensors.names, problem.edges
+    names, edges, schedule = problem.sensors.names, problem.edges, solution.schedule
+    used = None if schedule is None or schedule.weights.shape != switching.shape else schedule.weights > 1e-3
     if len(names) <= style.MOST_LINES:
-        axes.set_title(_switching_title(solution, switching))
+        axes.set_title(_switching_title(switching, used))
         colours = style.sensor_colours(names)
-        for j, name in enumerate(names):
-            line = np.append(switching[:, j], switching[-1, j])
-            axes.step(edges, line, where="post", color=colours[j], linewidth=1.0, label=style.shorten(name))
-            if solution.schedule is not None:
-                used = np.where(solution.schedule.weights[:, j] > 1e-3, switching[:, j], np.nan)
-                axes.step(edges, np.append(used, used[-1]), where="post", color=colours[j], linewidth=3.2, alpha=0.8)
+        for group in alike(switching, log=False):
+            for j in group:
+                line = np.append(switching[:, j], switching[-1, j])
+                text = together(names, group) if j == group[0] else None
+                axes.step(edges, line, where="post", color=colours[group[0]], linewidth=1.0, label=text)
+                if used is not None:
+                    thick = np.where(used[:, j], switching[:, j], np.nan)
+                    thick = np.append(thick, thick[-1])
+                    axes.step(edges, thick, where="post", color=colours[group[0]], linewidth=3.2, alpha=0.8)
         compress(axes, switching)
         axes.set_ylabel("cost / time")
         axes.grid(axis="y")
         legend(axes, len(names))
     else:
-        axes.set_title("switching functions above the smallest (dark: to be used, white: not available)")
+        axes.set_title("switching functions above the smallest (line: in use)")
         smallest = np.min(np.where(np.isfinite(switching), switching, np.inf), axis=1, keepdims=True)
-        above = switching - smallest
-        positive = above[above > 0]  # not-a-number compares as false
-        scale = float(np.median(positive)) if len(positive) else 1.0
-        map_panel(axes, edges, np.log10(1 + above / scale), names, "log₁₀(1 + distance/median)", log=False)
+        map_panel(axes, edges, switching - smallest, names, "cost / time")
+        for j, first, last in () if used is None else runs(used):
+            axes.hlines(np.full(len(first), j), edges[first], edges[last], color=style.SECOND, linewidth=1.6)
     style.tidy_time_axis(axes, edges[0], edges[-1], label)
 
 
-def _switching_title(solution: Solution, switching: np.ndarray) -> str:
-    """What the picture shows: that the smallest measures is true but on singular arcs, and where a gap is left."""
-    schedule = solution.schedule
-    if schedule is None or schedule.weights.shape != switching.shape:
+def _switching_title(switching: np.ndarray, used: np.ndarray | None) -> str:
+    """What the picture shows; that the smallest measures only as far as it is true of this schedule."""
+    if used is None:
         return "switching functions"
-    used, usable = schedule.weights > 1e-3, np.isfinite(switching)
+    usable = np.isfinite(switching)
     largest = np.max(np.where(used & usable, switching, -np.inf), axis=1)
     smallest = np.min(np.where(~used & usable, switching, np.inf), axis=1)
-    lengths = np.diff(schedule.edges)
-    share = float(np.sum(lengths[largest > smallest]) / np.sum(lengths))
-    if share == 0:
-        return "switching functions: the smallest measures (thick: in use)"
-    return f"switching functions (thick: in use, the smallest but for {100 * share:.2g} % of the time)"
+    rounding = 1e-9 * float(np.max(np.abs(switching[usable]), initial=0.0))
+    above = float(np.max((largest - smallest)[np.isfinite(largest - smallest)], initial=0.0))
+    if above <= rounding:
+        return "switching functions (thick: in use, always the smallest)"
+    return f"switching functions (thick: in use, at most {above:.2g} above the smallest)"
 
 
 def _schedule(problem: SchedulingProblem, solution: Solution) -> Figure:
@@ -171,15 +178,22 @@ def _schedule(problem: SchedulingProblem, solution: Solution) -> Figure:
 
 
 def _deviations(problem: SchedulingProblem, solution: Solution) -> Figure:
-    figure = style.new_figure((12, 7), problem.name, subtitle(problem, solution))
-    upper, lower = figure.subplots(2, 1)
+    height = 3.2 + style.rows_height(problem.states)
+    if not predicts(problem, solution):
+        figure = style.new_figure((12, height), problem.name, subtitle(problem, solution))
+        _draw_states(figure.subplots(), problem, solution)
+        return figure
+    outputs = 3.2 + style.rows_height(problem.output.shape[0])
+    figure = style.new_figure((12, height + outputs), problem.name, subtitle(problem, solution))
+    upper, lower = figure.subplots(2, 1, height_ratios=[height, outputs])
     _draw_states(upper, problem, solution, label=False)
     _draw_output(lower, problem, solution)
     return figure
 
 
 def _switching(problem: SchedulingProblem, solution: Solution) -> Figure:
-    figure = style.new_figure((12, 6), problem.name, subtitle(problem, solution))
+    height = 6 + style.rows_height(len(problem.sensors))
+    figure = style.new_figure((12, height), problem.name, subtitle(problem, solution))
     _draw_switching(figure.subplots(), problem, solution)
     return figure
 

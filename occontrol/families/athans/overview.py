@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from occontrol.core.solution import Solution
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.figures_compare import sizes
 from occontrol.files.figures import style
-from occontrol.files.figures.panels import convergence_panel, history_columns
+from occontrol.files.figures.convergence import convergence_panel, history_columns
+from occontrol.files.figures.panels import MOST_ROWS
 
 Panel = Callable[[Axes, Any, Solution, bool], None]
 HOLDS_FOR = {
@@ -21,6 +23,7 @@ HOLDS_FOR = {
     "grid": "with changes at these edges",
     "problem": "for every schedule",
 }
+MOST_ON_SLIDE = 4.0  # heights of all panels, in the least that one has, before the overview grows
 WIDEST_LINEAR = 20.0  # the largest switching function may be this many times the median before the axis is compressed
 
 
@@ -59,7 +62,9 @@ def convergence(problem: AthansProblem, solution: Solution) -> Figure | None:
         max(np.nanmin(np.where(np.isfinite(bound), bound, low)), low - 2 * room) - 0.05 * room, high + 0.05 * room
     )
     left.set_title("cost from above, bound from below")
+    left.xaxis.set_major_locator(MaxNLocator(5, integer=True, min_n_ticks=1))
     left.set_xlabel("iteration")
+    left.set_ylabel("cost")
     left.grid(axis="y")
     left.legend()
     return figure
@@ -75,10 +80,11 @@ def overview(problem: AthansProblem, solution: Solution, panels: Sequence[Panel]
     panels : draw(axes, problem, solution, label) of schedule, deviations and switching functions
     further : lines below the certificate
     """
-    figure = style.new_figure(style.SLIDE, problem.name, f"method {solution.method} · {sizes(problem)}")
-    grid = figure.add_gridspec(
-        3, 2, width_ratios=[3.5, 1], height_ratios=[max(1.0, min(2.2, 0.16 * len(problem.sensors))), 1, 1]
-    )
+    rows = (min(len(problem.sensors), MOST_ROWS), problem.states, len(problem.sensors))
+    heights = [max(1.0, min(2.2, 0.16 * rows[0])), *(1.0 + 0.4 * style.rows_height(n) for n in rows[1:])]
+    size = style.SLIDE[0], style.SLIDE[1] * max(1.0, sum(heights) / MOST_ON_SLIDE)
+    figure = style.new_figure(size, problem.name, f"method {solution.method} · {sizes(problem)}")
+    grid = figure.add_gridspec(3, 2, width_ratios=[3.5, 1], height_ratios=heights)
     for i, panel in enumerate(panels):
         panel(figure.add_subplot(grid[i, 0]), problem, solution, i == len(panels) - 1)
     text = figure.add_subplot(grid[:2, 1])

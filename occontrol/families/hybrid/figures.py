@@ -16,6 +16,7 @@ from occontrol.families.hybrid.problem import Problem
 from occontrol.families.hybrid.result import numbers_of
 from occontrol.families.hybrid.text import plus_minus
 from occontrol.files.figures import style
+from occontrol.files.figures.axes import name_rows, share_axis, value_axis
 from occontrol.files.figures.panels import schedule_panel
 
 MOST_MARKS = 60
@@ -79,7 +80,8 @@ def draw_compare(problem: Problem, solutions: Mapping[str, Solution]) -> Figure:
                 zorder=3 + i % 2,
             )
         left.set_title("RMS position error over time")
-        left.set_ylim(bottom=0)
+        left.set_ylabel("RMS position error")
+        value_axis(left, np.concatenate([solution.arrays["rms"] for solution in solutions.values()]))
         left.grid(axis="y")
         left.legend(loc="lower center", bbox_to_anchor=(0.5, -0.28), ncols=3)
         style.dot_if_alone(left)
@@ -215,8 +217,8 @@ def rms_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     average = numbers_of(solution).average_rms
     axes.axhline(average, color=style.GREY, linewidth=1, linestyle="--")
     axes.text(1.01, average, f"average\n{average:.3g}", transform=axes.get_yaxis_transform(), va="center", fontsize=10)
-    axes.set_ylim(0, None)
-    axes.set_ylabel("RMS")
+    value_axis(axes, np.concatenate([rms - 2 * error, rms + 2 * error]))
+    axes.set_ylabel("RMS position error")
     axes.grid(axis="y")
     style.step_axis(axes, problem.steps)
 
@@ -235,10 +237,8 @@ def modes_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
     edges = np.arange(problem.steps + 2.0) - 0.5
     axes.pcolormesh(edges, np.arange(len(names) + 1) - 0.5, chances.T, cmap="Blues", vmin=0, vmax=1)
     axes.step(np.arange(problem.steps + 1), truth, where="mid", color=style.SECOND, linewidth=1.3)
-    gap = -(-len(names) // 10)  # room for ten names
-    axes.set_yticks(range(0, len(names), gap), [style.shorten(name, 14) for name in names[::gap]])
+    name_rows(axes, names)
     axes.invert_yaxis()
-    axes.tick_params(axis="y", length=0)
     style.step_axis(axes, problem.steps)
 
 
@@ -283,7 +283,7 @@ def use_panel(axes: Axes, problem: Problem, solution: Solution) -> None:
         axes.plot([], [], color=style.GREY, linewidth=1.2, label=f"{len(names) - len(shown)} others")
     style.dot_if_alone(axes)
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), handlelength=1.2)
-    axes.set_ylim(-0.02, 1.02)
+    share_axis(axes)
     axes.set_ylabel("share of runs")
     axes.grid(axis="y")
     style.step_axis(axes, problem.steps)

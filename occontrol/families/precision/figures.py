@@ -9,8 +9,10 @@ import numpy as np
 
 from occontrol.core.kinds import PlainDict
 from occontrol.core.solution import Solution
+from occontrol.core.state_labels import default_names, state_names
 from occontrol.families.precision.problem import Problem
 from occontrol.families.precision.result import BatchRecord, PrecisionResult, PruningRecord, numbers_of
+from occontrol.files.figures.axes import name_rows, value_axis
 from occontrol.files.figures.style import (
     ACCENT,
     GREY,
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_LABELS = 25
+MOST_LABELS = 60
 
 
 def draw(problem: Problem, solution: Solution) -> dict[str, Figure]:
@@ -83,11 +85,17 @@ def _scale(values: np.ndarray) -> str:
     return "log" if len(positive) and positive.max() > 1e3 * np.median(positive) else "linear"
 
 
+def _name_columns(axes: Axes, names: Sequence[str], places: np.ndarray) -> None:
+    """Every column by its name, the smaller the more there are; of very many every few."""
+    step = -(-len(names) // MOST_LABELS)
+    size = 10.0 if len(names) <= 15 else max(6.0, 10.0 - 0.08 * len(names))
+    upright = len(names) > 15 or max(map(len, names)) > 4
+    axes.set_xticks(places[::step], [shorten(t, 14) for t in names[::step]], fontsize=size)
+    axes.tick_params(axis="x", labelrotation=90 if len(names) > 15 else 30 if upright else 0)
+
+
 def _name_measurements(axes: Axes, labels: list[str]) -> None:
-    step = -(-len(labels) // MOST_LABELS)
-    axes.set_xticks(np.arange(0, len(labels), step), [shorten(t, 14) for t in labels[::step]])
-    if max(len(t) for t in labels) > 4 or len(labels) > 15:
-        axes.tick_params(axis="x", labelrotation=90 if len(labels) > 15 else 30)
+    _name_columns(axes, labels, np.arange(len(labels)))
     axes.set_xlim(-0.6, len(labels) - 0.4)
 
 
@@ -106,7 +114,7 @@ def _overview(problem: Problem, solution: Solution, numbers: PrecisionResult) ->
         _bars(left, problem, grid[0])
     else:
         _map(left, problem, grid, "price × precision" if priced else "precision λ")
-    _deviations(right, solution)
+    _deviations(right, problem, solution)
     return figure
 
 
@@ -139,9 +147,8 @@ def _map(axes: Axes, problem: Problem, grid: np.ndarray, what: str) -> None:
     image = axes.imshow(shown.T, aspect="auto", cmap="Blues", interpolation="nearest", **options)
     bar = axes.figure.colorbar(image, ax=axes, pad=0.02)
     bar.set_label(f"{what} (white: not used)")
-    steps, sensors = grid.shape
-    stride = -(-sensors // MOST_LABELS)
-    axes.set_yticks(np.arange(0, sensors, stride), [shorten(t, 14) for t in problem.names[::stride]])
+    steps = len(grid)
+    name_rows(axes, list(problem.names))
     stride = -(-steps // 12)
     axes.set_xticks(np.arange(0, steps, stride), [str(k + 1) for k in range(0, steps, stride)])
     ends = "" if len(grid) == problem.batch else " (lines: end of a batch, where the bound holds)"
@@ -151,7 +158,7 @@ def _map(axes: Axes, problem: Problem, grid: np.ndarray, what: str) -> None:
     axes.spines[:].set_visible(False)
 
 
-def _deviations(axes: Axes, solution: Solution) -> None:
+def _deviations(axes: Axes, problem: Problem, solution: Solution) -> None:
     prior, posterior, bound = (np.asarray(solution.arrays[k]) for k in ("prior", "posterior", "bound"))
     root = np.sqrt(np.diag(bound))
     x = np.arange(1, len(root) + 1)
@@ -165,11 +172,11 @@ def _deviations(axes: Axes, solution: Solution) -> None:
     inverse = np.linalg.inv(lower)
     spectrum = np.sqrt(np.maximum(np.linalg.eigvalsh(inverse @ posterior[last] @ inverse.T)[::-1], 0))
     axes.plot(x, spectrum, "_", color=INK, ms=11, mew=1.6, label="after, principal directions")
-    axes.set_xticks(x[:: -(-len(x) // 12)], [f"x{i}" for i in x[:: -(-len(x) // 12)]])
-    if np.max(np.diag(prior[last]) / root**2) > 25:
-        axes.set_yscale("log")
-    else:
-        axes.set_ylim(0, None)
+    known = state_names(problem)
+    named = known if len(known) == len(root) else default_names(len(root))
+    _name_columns(axes, named, x)
+    drawn = [np.ones(1), np.sqrt(np.diag(prior[last])) / root, np.sqrt(np.diag(posterior[last])) / root, spectrum]
+    value_axis(axes, np.concatenate(drawn))
     axes.set_ylabel("standard deviation / its bound")
     axes.set_xlabel("state (directions: from the worst on)")
     axes.legend(loc="best", fontsize=9)
@@ -178,6 +185,8 @@ def _deviations(axes: Axes, solution: Solution) -> None:
 
 def _sequence(problem: Problem, solution: Solution, batches: Sequence[BatchRecord]) -> Figure:
     records = [r for r in batches if r.objective is not None]
+    from matplotlib.ticker import MaxNLocator
+
     figure = new_figure(SLIDE, problem.name, "batches one after another, measured with the precisions that were chosen")
     top, bottom = figure.subplots(2, 1, sharex=True)
     k = [r.batch for r in records]
@@ -187,6 +196,7 @@ def _sequence(problem: Problem, solution: Solution, batches: Sequence[BatchRecor
         top.annotate(f"{r.active} used", (r.batch, r.objective), xytext=(0, 3), textcoords="offset points",
                      ha="center", fontsize=9, color=GREY)  # fmt: skip
     top.set_ylabel("objective")
+    bottom.xaxis.set_major_locator(MaxNLocator(integer=True))
     bottom.set_title("True error against what was promised")
     n = problem.states
     promised = np.sqrt(np.trace(solution.arrays["posterior"], axis1=1, axis2=2) / n)
@@ -198,15 +208,13 @@ def _sequence(problem: Problem, solution: Solution, batches: Sequence[BatchRecor
     bottom.set_xlabel("batch")
     bottom.set_ylim(0, None)
     bottom.legend(loc="best")
-    if len(k) <= 30:
-        bottom.set_xticks(k)
     return figure
 
 
 def _pruning(problem: Problem, pruning: PruningRecord) -> Figure:
+    figure = new_figure(SLIDE, problem.name, f"pruning ended: {pruning.reason}")
     from matplotlib.ticker import MaxNLocator
 
-    figure = new_figure(SLIDE, problem.name, f"pruning ended: {pruning.reason}")
     axes = figure.add_subplot()
     axes.set_title("What it costs to do with fewer sensors")
     before, removals = pruning.objective_before, pruning.removals

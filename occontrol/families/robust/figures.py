@@ -9,15 +9,19 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from occontrol.core.measurement import Estimate
 from occontrol.core.solution import Solution
+from occontrol.core.state_labels import state_labels, state_names, state_units
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.robust.problem import Problem
 from occontrol.families.robust.result import SequenceResult, SharesResult, numbers_of, sequence_of
 from occontrol.families.robust.sampling import Truths, sample_truths
 from occontrol.files.figures import panels, style
+from occontrol.files.figures.axes import value_axis
 
+MOST_STATES = 48  # states that have a panel each
 MOST_ELLIPSOIDS = 8  # ellipsoids
 SAMPLED_TRUTHS = 150  # sampled admissible truths
 MOST_SLOTS = 200  # no truths are sampled beyond
@@ -91,23 +95,23 @@ def draw_estimate(
     estimate : Estimate, half widths in standard_deviation
     truth : Trajectory, optional
     """
-    n = min(estimate.mean.shape[1], 8)
+    n, names = min(estimate.mean.shape[1], MOST_STATES), state_labels(problem)
     with style.house_style():
-        figure = style.new_figure(
-            (13.33, 1.7 * n + 1.6), f"{problem.name}: possible states", "the band holds every state that the data allow"
-        )
+        subtitle = "the band holds every state that the data allow"
+        rows, columns = style.grid_of(n)
+        figure = style.new_figure((13.33, 1.7 * rows + 1.6), f"{problem.name}: possible states", subtitle)
         for i in range(n):
-            axes = figure.add_subplot(n, 1, i + 1)
+            axes = figure.add_subplot(rows, columns, i + 1)
             mean, half = estimate.mean[:, i], estimate.standard_deviation[:, i]
             axes.fill_between(estimate.times, mean - half, mean + half, color=style.ACCENT, alpha=0.2, linewidth=0)
             axes.plot(estimate.times, mean, color=style.ACCENT, label="center")
             if truth is not None:
                 axes.plot(truth.times, truth.values[:, i], color=style.SECOND, linewidth=1.3, label="truth")
-            axes.set_ylabel(f"x{i + 1}")
+            axes.set_ylabel(names[i])
             axes.grid(True)
             if i == 0:
                 axes.legend(loc="upper right", ncols=2)
-            style.tidy_time_axis(axes, estimate.times[0], estimate.times[-1], label=i == n - 1)
+            style.tidy_time_axis(axes, estimate.times[0], estimate.times[-1], label=i >= n - columns)
         return {"estimates": figure}
 
 
@@ -135,7 +139,8 @@ def _overview(problem: Problem, solution: Solution, plane: tuple[int, int]) -> F
     size.plot(a["fine_times"], a["fine_size"], color=style.ACCENT)
     size.plot(a["fine_times"][-1:], a["fine_size"][-1:], "o", color=style.ACCENT, clip_on=False)
     size.set_title("Size of the set, worst case up to t")
-    size.set_ylim(0, 1.08 * float(np.max(a["fine_size"])))
+    value_axis(size, a["fine_size"])
+    size.set_ylabel("size")
     size.grid(True)
     style.tidy_time_axis(size, problem.edges[0], problem.edges[-1], label=False)
     bars = figure.add_subplot(grid[1, 1])
@@ -176,8 +181,9 @@ def _ellipsoids(figure: Figure, axes: Axes, problem: Problem, solution: Solution
     axes.axhline(0, color=style.GREY, linewidth=0.6, zorder=0)
     axes.axvline(0, color=style.GREY, linewidth=0.6, zorder=0)
     axes.set_title("Largest sets of possible states, and admissible truths inside")
-    axes.set_xlabel(f"x{i + 1} minus its center")
-    axes.set_ylabel(f"x{j + 1} minus its center")
+    names, units = state_names(problem), state_units(problem)
+    for k, label in ((i, axes.set_xlabel), (j, axes.set_ylabel)):
+        label(f"{names[k]} minus its center" + (f" [{units[k]}]" if units[k] else ""))
     figure.colorbar(ScalarMappable(span, colours), ax=axes, label="time t", fraction=0.04, pad=0.02)
 
 
@@ -189,19 +195,19 @@ def _interval(axes: Axes, problem: Problem, solution: Solution) -> None:
     if truths is not None:
         axes.plot(truths.times, (truths.states - truths.centers)[:, :, 0], color="#808080", linewidth=0.4)
     axes.set_title("Largest set of possible states, and admissible truths inside")
-    axes.set_ylabel("x1 minus its center")
+    axes.set_ylabel(f"{state_names(problem)[0]} minus its center")
     style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1])
 
 
 def _states(problem: Problem, solution: Solution) -> Figure:
-    a, n = solution.arrays, min(problem.states, 8)
+    a, n, names = solution.arrays, min(problem.states, MOST_STATES), state_labels(problem)
     title, subtitle = f"{problem.name}: half width of the set along every state", "worst case over all measurements"
-    figure = style.new_figure(style.SLIDE, title, subtitle)
+    rows, columns = style.grid_of(n)
+    figure = style.new_figure((13.33, max(7.5, 1.4 * rows)), title, subtitle)
     half = np.sqrt(a["fine_level"][:, None] * np.diagonal(a["fine_shape"], axis1=1, axis2=2))
     truths = _truths(problem, solution)
-    columns = 1 if n <= 3 else 2
     for i in range(n):
-        axes = figure.add_subplot(int(np.ceil(n / columns)), columns, i + 1)
+        axes = figure.add_subplot(rows, columns, i + 1)
         axes.fill_between(a["fine_times"], 0, half[:, i], color=style.ACCENT, alpha=0.15, linewidth=0)
         axes.plot(a["fine_times"], half[:, i], color=style.ACCENT, label="bound")
         if truths is not None:
@@ -210,7 +216,7 @@ def _states(problem: Problem, solution: Solution) -> Figure:
             axes.plot(truths.times, reached, color=style.SECOND, linewidth=1.2, label=label)
         if i == 0:
             axes.legend(loc="upper right", ncols=2)
-        axes.set_ylabel(f"x{i + 1}")
+        axes.set_ylabel(names[i])
         axes.set_ylim(0, 1.18 * float(np.max(half[:, i])))
         axes.grid(True)
         style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1], label=i >= n - columns)
@@ -234,6 +240,7 @@ def _ranking(problem: Problem, costs: np.ndarray, sequence: Sequence[str]) -> Fi
     axes.plot([1], costs[:1], "o", color=style.SECOND)
     best = " ".join(sequence[:12]) + (" .." if len(sequence) > 12 else "")
     axes.annotate(f"best: {best}", (1.5, costs[0]), xytext=(16, -5), textcoords="offset points", color=style.SECOND)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("rank")
     axes.set_ylabel("size at the end")
     axes.set_xlim(0, len(costs) + 1)

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from occontrol.core.solution import Solution
+from occontrol.core.state_labels import state_labels
 from occontrol.families.vlambda.result import numbers_of
 from occontrol.files.figures import style
+from occontrol.files.figures.axes import alike, together, value_axis
 from occontrol.files.figures.panels import curves_panel, map_panel, schedule_panel
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from occontrol.families.vlambda.problem import Problem
 
 MOST_CURVES = 7  # curves that can be told apart
+MOST_STATES = 48  # states that have a panel each
 LEGEND_LINE, LEGEND_NAME = 50, 10  # letters of a legend of one line, and of a name in one that has more
 MOST_LINES_BETWEEN = 100  # choices that are parted by lines
 
@@ -128,47 +131,39 @@ def _locations(axes: Axes, problem: Problem, solution: Solution) -> None:
 
 def _all_deviations(axes: Axes, problem: Problem, solution: Solution) -> None:
     deviations, n = solution.arrays["standard_deviations"], problem.states
-    names = [f"x{i + 1}" for i in range(n)]
+    names = state_labels(problem)
     if n <= MOST_CURVES:
         curves_panel(axes, solution.arrays["times"], deviations, names, "standard deviation")
     else:
         edges = np.arange(problem.steps + 1, dtype=float)
-        map_panel(axes, edges, deviations, names, "standard deviation")
+        map_panel(axes, edges, deviations, names, "standard deviation", ends=True)
 
 
 def _eigenvalues(axes: Axes, solution: Solution) -> None:
     k, values = solution.arrays["times"], solution.arrays["eigenvalues"]
-    predicted = solution.arrays["predicted_eigenvalues"][:, 0]
-    positive = values[values > 0]
-    axes.plot(k, predicted, color=style.GREY, linewidth=1.0, label="λmax predicted")
-    axes.plot(k, values[:, 0], color=style.ACCENT, label="λmax")
+    columns = {"λmax": values[:, 0], "λmax predicted": solution.arrays["predicted_eigenvalues"][:, 0]}
     if values.shape[1] > 1:
-        axes.plot(k, values.sum(axis=1), color=style.SECOND, linewidth=1.2, label="trace")
-    if len(positive) and np.max(predicted) > 50 * np.min(values[:, 0]) > 0:
-        axes.set_yscale("log")
-    axes.set_ylabel("P(k|k)")
-    axes.grid(axis="y")
-    style.dot_if_alone(axes)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), borderaxespad=0.0, handlelength=1.2)
+        columns["trace"] = values.sum(axis=1)
+    curves_panel(axes, k, np.column_stack(list(columns.values())), list(columns), "P(k|k)",
+                 (style.ACCENT, style.GREY, style.SECOND))  # fmt: skip
 
 
 def _deviations(problem: Problem, solution: Solution) -> Figure:
-    shown = min(problem.states, 12)
-    columns = 1 if shown <= 3 else 2 if shown <= 8 else 3
-    rows = -(-shown // columns)
-    figure = style.new_figure(
-        style.SLIDE, problem.name, f"standard deviation of every state · method {solution.method}"
-    )
+    shown = min(problem.states, MOST_STATES)
+    rows, columns = style.grid_of(shown)
+    subtitle = f"standard deviation of every state · method {solution.method}"
+    subtitle += f"; the first {shown} of {problem.states}" if shown < problem.states else ""
+    figure = style.new_figure((13.33, max(7.5, 1.3 * rows)), problem.name, subtitle)
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True)
-    k, deviations = solution.arrays["times"], solution.arrays["standard_deviations"]
+    k, deviations, names = solution.arrays["times"], solution.arrays["standard_deviations"], state_labels(problem)
     for i, one in enumerate(axes.T.ravel()):
         if i >= shown:
             one.axis("off")
             continue
         one.plot(k, deviations[:, i], color=style.ACCENT)
         style.dot_if_alone(one)
-        _scale(one, deviations[:, i])
-        one.set_ylabel(f"x{i + 1}")
+        value_axis(one, deviations[:, i])
+        one.set_ylabel(names[i])
         one.grid(axis="y")
         for start in problem.starts[1:-1] if problem.epochs <= 60 else []:
             one.axvline(start, color=style.PALE, linewidth=0.8, zorder=0)
@@ -177,13 +172,6 @@ def _deviations(problem: Problem, solution: Solution) -> Figure:
         one.tick_params(labelbottom=True)
         one.set_xlabel("step k")
     return figure
-
-
-def _scale(axes: Axes, values: np.ndarray) -> None:
-    if np.min(values) > 0 and np.max(values) > 50 * np.min(values):
-        axes.set_yscale("log")
-    else:
-        axes.set_ylim(bottom=0)
 
 
 def _strips(axes: Axes, problem: Problem, solutions: Mapping[str, Solution]) -> None:
@@ -269,24 +257,24 @@ def _eigenvalue_curves(axes: Axes, solutions: Mapping[str, Solution]) -> None:
     """Largest eigenvalue of every method; the cheapest few in colour, the others grey."""
     order = sorted(solutions, key=lambda name: (name not in ("eigenspace", "optimal"), solutions[name].cost))
     coloured = [name for name in solutions if name in order[:MOST_CURVES]]
-    everything = []
-    for name, solution in solutions.items():
-        k, values = solution.arrays["times"], solution.arrays["largest_eigenvalue"]
-        everything.append(values)
-        known = name in coloured
+    values = {name: solution.arrays["largest_eigenvalue"] for name, solution in solutions.items()}
+    longest = max(map(len, values.values()))
+    stacked = np.full((longest, len(values)), np.nan)
+    for j, each in enumerate(values.values()):
+        stacked[: len(each), j] = each
+    names = list(values)
+    for group in alike(stacked, value_axis(axes, stacked)):
+        first = min(group, key=lambda j: names[j] not in coloured)
+        name, known = names[first], names[first] in coloured
         axes.plot(
-            k,
-            values,
+            np.arange(longest),
+            stacked[:, first],
             color=style.PALETTE[coloured.index(name)] if known else style.GREY,
             linewidth=2.4 if name == "eigenspace" else 1.3,
-            linestyle="--" if name == "optimal" else "-",
             zorder=3 if known else 1,
-            label=style.shorten(name) if known else None,
+            label=together(names, [first, *(j for j in group if j != first)]) if known else None,
         )
-    stacked = np.concatenate(everything)
-    if np.min(stacked) > 0 and np.max(stacked) > 50 * np.min(stacked):
-        axes.set_yscale("log")
-    style.step_axis(axes, max(len(v) for v in everything))
+    style.step_axis(axes, longest)
     style.dot_if_alone(axes)
     axes.set_ylabel("λmax P(k|k)")
     axes.grid(axis="y")

@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 from occontrol.core.measurement import Estimate
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
-from occontrol.core.state_labels import state_labels
+from occontrol.core.state_labels import default_names, state_labels
 from occontrol.core.trajectory import Trajectory
 from occontrol.files.figures import style
+from occontrol.files.figures.axes import value_axis
 from occontrol.numerics.consistency import average_band, judge_run
 
-MOST_STATES = 8
-MOST_OUTPUTS = 4
+MOST_STATES, MOST_OUTPUTS = 48, 12
 GROUPS = 60  # points of the averaged NIS
 
 
@@ -29,11 +29,11 @@ def draw(problem, solution: Solution, estimate: Estimate, truth: Trajectory | No
     estimate : Estimate, one row per node
     truth : true states at the same times, where they are known
 
-    Returns estimates, prediction (where the family predicts) and consistency.
+    Returns estimates, prediction (where something is predicted that is not known) and consistency.
     """
     with style.house_style():
         figures = {"estimates": _estimates(problem, solution.schedule, estimate, truth)}
-        if estimate.predicted.shape[1]:
+        if np.any(estimate.predicted_deviation > 0):
             figures["prediction"] = _prediction(problem, solution.schedule, estimate)
         figures["consistency"] = _consistency(problem, estimate, truth)
         return figures
@@ -42,13 +42,14 @@ def draw(problem, solution: Solution, estimate: Estimate, truth: Trajectory | No
 def _estimates(problem, schedule: Schedule | None, estimate: Estimate, truth: Trajectory | None) -> Figure:
     """Error with a known truth, the estimate itself otherwise, each with +-2 sigma."""
     n = estimate.mean.shape[1]
-    shown = min(n, MOST_STATES)
-    columns = 2 if shown > 3 else 1
-    rows = int(np.ceil(shown / columns))
+    shown, names = min(n, MOST_STATES), state_labels(problem)
+    names = names if len(names) == n else default_names(n)
+    rows, columns = style.grid_of(shown)
     what = "error of the estimate" if truth is not None else "estimate"
     subtitle = f"{what} with its ±2σ band" + (f"; the first {shown} of {n} states" if shown < n else "")
     subtitle += _about_passes(problem)
-    figure = style.new_figure((13.33, min(9.0, 2.0 + 1.75 * rows)), problem.name, subtitle)
+    height = 2.0 + rows * (1.75 if rows <= 4 else 1.3)
+    figure = style.new_figure((13.33, height), problem.name, subtitle)
     panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True)).reshape(rows, columns).T.ravel()
     for i, axes in enumerate(panels):
         if i >= shown:
@@ -63,7 +64,7 @@ def _estimates(problem, schedule: Schedule | None, estimate: Estimate, truth: Tr
         axes.plot(estimate.times, line, color=style.ACCENT, lw=1.2)
         if truth is not None:
             axes.axhline(0, color=style.GREY, lw=0.6)
-        axes.set_ylabel(("error of " if truth is not None else "") + state_labels(problem)[i])
+        axes.set_ylabel(("error of " if truth is not None else "") + names[i])
         _zoom(axes, middle, band)
         _passes(axes, problem, schedule)
         last = i == shown - 1 or (i + 1) % rows == 0
@@ -120,7 +121,8 @@ def _prediction(problem, schedule: Schedule | None, estimate: Estimate) -> Figur
     at = getattr(problem, "predict_at", estimate.times[-1])
     subtitle = f"w at t = {at:g} as predicted at time t: deviation from the last prediction with its ±2σ band"
     subtitle += _about_passes(problem)
-    figure = style.new_figure((13.33, min(9.0, 2.2 + 2.0 * shown)), problem.name, subtitle)
+    subtitle += f"; the first {shown} of {p} outputs" if shown < p else ""
+    figure = style.new_figure((13.33, 2.2 + shown * (2.0 if shown <= 4 else 1.4)), problem.name, subtitle)
     panels = np.atleast_1d(figure.subplots(shown, 2, sharex=True, width_ratios=[1.7, 1])).reshape(shown, 2)
     for i, (left, right) in enumerate(panels):
         deviation = estimate.predicted_deviation[:, i]
@@ -135,10 +137,7 @@ def _prediction(problem, schedule: Schedule | None, estimate: Estimate) -> Figur
         note = f"last: {estimate.predicted[-1, i]:.4g} ± {2 * deviation[-1]:.2g}"
         left.annotate(note, (0.99, 0.93), xycoords="axes fraction", ha="right", va="top", fontsize=10)
         right.plot(estimate.times, deviation, color=style.SECOND)
-        if np.min(deviation) > 0 and np.max(deviation) > 20 * np.min(deviation):
-            right.set_yscale("log")
-        else:
-            right.set_ylim(bottom=0)
+        value_axis(right, deviation)
         right.set_ylabel(f"σ of w{i + 1}")
         right.grid(axis="y")
         _passes(right, problem, schedule)
@@ -170,7 +169,6 @@ def _consistency(problem, estimate: Estimate, truth: Trajectory | None) -> Figur
         panels[1].set_ylabel("NEES per state")
     for i, axes in enumerate(panels):
         axes.axhline(1, color=style.GREY, lw=0.8)
-        axes.set_ylim(bottom=0)
         _time_axis(axes, problem, estimate, i == len(panels) - 1)
     return figure
 

@@ -1,4 +1,4 @@
-"""Panels that several families share: who measures when, curves or maps over time, convergence."""
+"""Panels that several families share: who measures when, curves or maps over time."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.ticker import FuncFormatter, LogLocator
 
-from occontrol.core.kinds import PlainMapping
 from occontrol.core.schedule import Schedule
 from occontrol.files.figures import style
+from occontrol.files.figures.axes import SMALLEST, WIDE_RANGE, alike, name_rows, together, value_axis
 
 MOST_ROWS = 40
 MANY = 25  # more sensors than this are shown only where they are used
-WIDE_RANGE = 50.0  # above this ratio of the largest to the smallest value the axis is logarithmic
 
 
 def schedule_panel(
@@ -81,7 +79,7 @@ def _band(axes: Axes, edges: np.ndarray, heights: np.ndarray, base: float, colou
 def curves_panel(
     axes: Axes, times: np.ndarray, values: np.ndarray, names: Sequence[str], label: str, colours: Sequence[str] = ()
 ) -> None:
-    """A few curves over time with their names beside their ends.
+    """A few curves over time with their names beside their ends; curves that lie on one another have one name.
 
     Parameters
     ----------
@@ -93,18 +91,14 @@ def curves_panel(
     colours : of the curves; the palette's if left out
     """
     colours = colours or style.PALETTE
-    for j, name in enumerate(names):
-        axes.plot(times, values[:, j], color=colours[j % len(colours)], label=style.shorten(name))
-    finite = values[np.isfinite(values)]
-    positive = finite[finite > 0]
-    if len(positive) == len(finite) and len(positive) and np.max(positive) > WIDE_RANGE * np.min(positive):
-        axes.set_yscale("log")
-    elif len(finite) and np.min(finite) >= 0:
-        axes.set_ylim(bottom=0)
+    groups = alike(values, value_axis(axes, values))
+    for group in groups:
+        j = group[0]
+        axes.plot(times, values[:, j], color=colours[j % len(colours)], label=together(names, group))
     axes.set_ylabel(label)
     axes.grid(axis="y")
     style.dot_if_alone(axes)
-    legend(axes, len(names))
+    legend(axes, len(groups))
 
 
 def legend(axes: Axes, entries: int) -> None:
@@ -120,7 +114,13 @@ def legend(axes: Axes, entries: int) -> None:
 
 
 def map_panel(
-    axes: Axes, edges: np.ndarray, values: np.ndarray, names: Sequence[str], label: str, log: bool = True
+    axes: Axes,
+    edges: np.ndarray,
+    values: np.ndarray,
+    names: Sequence[str],
+    label: str,
+    log: bool = True,
+    ends: bool = False,
 ) -> None:
     """Many curves over time as a map, one row each.
 
@@ -132,6 +132,7 @@ def map_panel(
     names : of the C rows
     label : of the colours
     log : whether colours go by the logarithm where the values are positive and far apart
+    ends : whether to write the last value of every row at the right
     """
     finite = values[np.isfinite(values)]
     positive = finite[finite > 0]
@@ -147,74 +148,13 @@ def map_panel(
         edges, np.arange(count + 1) - 0.5, np.ma.masked_invalid(values.T), cmap=style.colour_map(), norm=norm
     )
     axes.invert_yaxis()
-    every = max(1, int(np.ceil(count / 15)))
-    axes.set_yticks(range(0, count, every), [style.shorten(n, 14) for n in names[::every]], fontsize=8)
-    axes.tick_params(axis="y", length=0)
-    bar = axes.figure.colorbar(mesh, ax=axes, pad=0.01, aspect=18)  # type: ignore[union-attr]
+    size = name_rows(axes, names)
+    if ends and size >= SMALLEST:
+        axes.set_title("at the end", loc="right", fontsize=8, color="#555555", fontweight="normal")
+        for row in range(count):
+            at = axes.get_yaxis_transform()
+            text = f" {values[-1, row]:.2g}"
+            axes.text(1.0, row, text, transform=at, va="center", fontsize=size, color="#555555")
+    bar = axes.figure.colorbar(mesh, ax=axes, pad=0.07 if ends else 0.01, aspect=18)  # type: ignore[union-attr]
     bar.set_label(label, fontsize=9)
     bar.outline.set_visible(False)  # type: ignore[operator]
-
-
-def convergence_panel(axes: Axes, history: Sequence[PlainMapping], target: float | None = None) -> bool:
-    """How the relative gap between cost and proven bound closed.
-
-    Parameters
-    ----------
-    axes : matplotlib Axes
-    history : records {iteration, cost, lower_bound}
-    target : relative gap aimed at, drawn as a line
-
-    Returns False, and draws nothing, when there are fewer than two iterations.
-    """
-    cost, bound = history_columns(history)
-    if len(cost) < 2:
-        return False
-    best = np.maximum.accumulate(np.where(np.isfinite(bound), bound, -np.inf))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        gap = (cost - best) / np.abs(cost)
-    gap = np.where(np.isfinite(gap) & (gap > 0), gap, np.nan)
-    if not np.any(np.isfinite(gap)):
-        return False
-    steps = np.arange(1, len(gap) + 1)
-    axes.set_yscale("log")
-    stages = [str(record.get("stage") or "") for record in history]
-    for i, stage in enumerate(dict.fromkeys(stages)):
-        here = np.array([s == stage for s in stages])
-        # the stages differ in what they vary (shares, then schedules), so their costs are not one curve
-        marker = "D" if np.sum(here) == 1 else "o" if len(gap) <= 60 else None
-        colour = style.PALETTE[i % len(style.PALETTE)]
-        # several rounded policies are polished one after the other: the best so far
-        shown = np.fmin.accumulate(gap[here]) if stage == "polish" else gap[here]
-        axes.plot(steps[here], shown, color=colour, marker=marker, markersize=4, label=stage or None)
-    if target:
-        axes.axhline(target, color=style.GREY, linestyle="--", linewidth=1)
-        axes.annotate(" target", (steps[0], target), va="bottom", fontsize=9, color="#666666")
-    few_decades = np.nanmax(gap) < 100 * np.nanmin(gap)
-    axes.yaxis.set_major_formatter(FuncFormatter(_percent))
-    axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0) if few_decades else ()))
-    axes.yaxis.set_minor_formatter(FuncFormatter(_percent))
-    axes.set_xlabel("iteration")
-    axes.set_ylabel("relative gap")
-    axes.grid(axis="y", which="both")
-    if len(set(stages)) > 1:
-        axes.legend(loc="upper right", fontsize=9)
-    return True
-
-
-def _percent(value: float, position: int | None = None) -> str:
-    return f"{100 * value:.3g} %"
-
-
-def history_columns(history: Sequence[PlainMapping]) -> tuple[np.ndarray, np.ndarray]:
-    """Cost and bound of every record as arrays, not-a-number where a record has none.
-
-    Parameters
-    ----------
-    history : records of a Solution
-    """
-
-    def column(key: str) -> np.ndarray:
-        values = [record.get(key) for record in history]
-        return np.array([float(v) if isinstance(v, int | float) else np.nan for v in values])
-
-    return column("cost"), column("lower_bound")

@@ -75,6 +75,27 @@ def new_figure(size: tuple[float, float], title: str, subtitle: str = "") -> Fig
     return figure
 
 
+def rows_height(rows: int) -> float:
+    """How many inches a panel grows by when it has a row for each of many curves.
+
+    Parameters
+    ----------
+    rows : how many there are; few are drawn as curves
+    """
+    return 0.0 if rows <= MOST_LINES else 0.09 * min(rows, 60)
+
+
+def grid_of(panels: int) -> tuple[int, int]:
+    """Rows and columns of so many small panels: the more there are, the more stand side by side.
+
+    Parameters
+    ----------
+    panels : how many there are
+    """
+    columns = 1 if panels <= 3 else 2 if panels <= 8 else 3 if panels <= 15 else 4
+    return -(-panels // columns), columns
+
+
 def sensor_colours(names: Sequence[str]) -> list[str]:
     """One colour per sensor, grey for idle; a single colour when there are too many to tell apart.
 

@@ -64,7 +64,7 @@ def _is_name(text: str) -> bool:
 
 
 def _plain(text: str) -> str:
-    return " ".join(text.replace("\\$", "$").replace("$", "").split())
+    return " ".join(text.replace("\\$", "\0").replace("$", "").replace("\0", "$").split())  # \$ is a sign, $ none
 
 
 def small_png(png: bytes) -> bytes:

@@ -59,9 +59,15 @@ def test_nothing_measured_and_many_states_can_be_drawn(filtered, tmp_path):
     problem, solution, estimate, _ = filtered
     silent = replace(estimate, nis=np.full(41, np.nan), dimension=np.zeros(41, dtype=int))
     save(estimates.draw(problem, solution, silent)["consistency"], tmp_path / "silent.png")
-    wide = replace(estimate, mean=np.tile(estimate.mean, 6), standard_deviation=np.tile(estimate.standard_deviation, 6))
-    figure = estimates.draw(problem, solution, wide)["estimates"]
-    assert any("the first 8 of 12 states" in text.get_text() for text in figure.texts)
+    for times, shown, said in ((6, 12, ""), (26, 48, "; the first 48 of 52 states")):
+        deviation = np.tile(estimate.standard_deviation, times)
+        wide = replace(estimate, mean=np.tile(estimate.mean, times), standard_deviation=deviation)
+        figure = estimates.draw(problem, solution, wide)["estimates"]
+        drawn = [axes.get_ylabel() for axes in figure.axes if axes.get_visible()]
+        assert sorted(drawn) == sorted(f"x{i + 1}" for i in range(shown))
+        assert any(text.get_text().endswith(f"±2σ band{said}") or said in text.get_text() for text in figure.texts)
+    known = replace(estimate, predicted_deviation=0 * estimate.predicted_deviation)
+    assert "prediction" not in estimates.draw(problem, solution, known)
 
 
 def test_the_front_lies_above_its_shaded_bound(small_solution, tmp_path):

@@ -14,9 +14,10 @@ from occontrol.core.state_labels import state_labels
 from occontrol.families.athans.overview import compress, convergence, overview, subtitle
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.files.figures import style
+from occontrol.files.figures.axes import alike, name_rows, together
 from occontrol.files.figures.panels import curves_panel, legend, map_panel
+from occontrol.files.page.usual import deviations
 
-MOST_NAMED = 40  # sensors whose rows carry a name
 MOST_COUNTED = 10  # sensors whose readings are listed
 
 
@@ -35,16 +36,16 @@ def draw(problem: ReadingsProblem, solution: Solution) -> dict[str, Figure]:
             "overview": overview(
                 problem, solution, (_draw_schedule, _draw_states, _draw_switching), _counts(problem, solution)
             ),
-            "schedule": _one(problem, solution, _draw_schedule, 2.2 + 0.36 * min(len(problem.sensors), 30)),
-            "deviations": _one(problem, solution, _draw_states, 6.0),
-            "switching": _one(problem, solution, _draw_switching, 6.0),
+            "schedule": _one(problem, solution, _draw_schedule, min(10.0, 2.2 + 0.36 * min(len(problem.sensors), 30))),
+            "deviations": _one(problem, solution, _draw_states, 6.0 + style.rows_height(problem.states)),
+            "switching": _one(problem, solution, _draw_switching, 6.0 + style.rows_height(len(problem.sensors))),
         }
         last = convergence(problem, solution)
         return figures if last is None else {**figures, "convergence": last}
 
 
 def _one(problem: ReadingsProblem, solution: Solution, draw_panel, height: float) -> Figure:
-    figure = style.new_figure((12, min(10.0, height)), problem.name, subtitle(problem, solution))
+    figure = style.new_figure((12, height), problem.name, subtitle(problem, solution))
     draw_panel(figure.subplots(), problem, solution)
     return figure
 
@@ -58,10 +59,10 @@ def _axis(axes: Axes, problem: ReadingsProblem, label: bool) -> None:
 
 
 def _map(axes: Axes, problem: ReadingsProblem, values: np.ndarray, names: Sequence[str], words: str, label: bool,
-         log: bool = True) -> None:  # fmt: skip
+         ends: bool = False) -> None:  # fmt: skip
     """A map (N, rows) with one column for every reading; that of step k is centred on k."""
     shift = 0.5 if problem.discrete else 0.0
-    map_panel(axes, problem.edges - shift, values, names, words, log=log)
+    map_panel(axes, problem.edges - shift, values, names, words, ends=ends)
     _axis(axes, problem, label)
     if problem.discrete:
         axes.set_xlim(-shift, float(problem.edges[-1]) - shift)
@@ -75,9 +76,8 @@ def _draw_schedule(axes: Axes, problem: ReadingsProblem, solution: Solution, lab
     axes.set_title("who is read when" + (" (grey: may be read)" if np.any(problem.upper == 0) else ""))
     size = float(np.clip(600 / max(len(times), 1), 6, 60))
     upper = problem.upper[problem.clock.owner]
-    for row, name in enumerate(names):
+    for place, name in enumerate(names):
         j = problem.sensors.names.index(name)
-        place = len(names) - 1 - row
         if np.any(problem.upper == 0):
             open_ = times[upper[:, j] > 0]
             axes.scatter(
@@ -88,59 +88,52 @@ def _draw_schedule(axes: Axes, problem: ReadingsProblem, solution: Solution, lab
         axes.scatter(
             times[used], np.full(int(used.sum()), place), s=shares, color=colours[name], lw=0, zorder=2, clip_on=False
         )
-    axes.set_ylim(-0.7, len(names) - 0.3)
-    if len(names) <= MOST_NAMED:
-        axes.set_yticks(range(len(names)), [style.shorten(name) for name in reversed(names)])
-    else:
-        axes.set_yticks([])
-        axes.set_ylabel(f"{len(names)} sensors, the first on top")
+    axes.set_ylim(len(names) - 0.3, -0.7)  # the first on top
+    name_rows(axes, names)
     _axis(axes, problem, label)
 
 
 def _draw_states(axes: Axes, problem: ReadingsProblem, solution: Solution, label: bool = True) -> None:
     """Deviations just before and just after every reading, joined."""
     times = problem.clock.times
-    prior = np.einsum("kii->ki", solution.arrays["prior_covariance"][:-1])
-    after = np.einsum("kii->ki", solution.arrays["covariance"])
-    names = state_labels(problem)
+    after, names = deviations(solution.arrays["covariance"]), state_labels(problem)
     title = "standard deviation of the estimation error"
     if problem.states <= style.MOST_LINES:
-        both = np.sqrt(np.maximum(np.stack([prior, after], axis=1).reshape(2 * len(times), -1), 0.0))
+        prior = deviations(solution.arrays["prior_covariance"][:-1])
+        both = np.stack([prior, after], axis=1).reshape(2 * len(times), -1)
         axes.set_title(f"{title}, before and after every reading")
         curves_panel(axes, np.repeat(times, 2), both, names, "deviation")
         _axis(axes, problem, label)
     else:
-        deviation = np.sqrt(np.maximum(after, 0.0))
-        largest = np.max(deviation, axis=0)
-        relative = deviation / np.where(largest > 0, largest, 1.0)
         axes.set_title(f"{title} just after every reading")
-        _map(axes, problem, relative, names, "share of its largest", label)
+        _map(axes, problem, after, names, "deviation", label, ends=True)
 
 
 def _draw_switching(axes: Axes, problem: ReadingsProblem, solution: Solution, label: bool = True) -> None:
-    """What one more reading would change to first order; ringed where it is taken."""
-    names = problem.sensors.names
-    upper = problem.upper[problem.clock.owner]
+    """What one more reading would change to first order; marked where it is taken."""
+    names, times = problem.sensors.names, problem.clock.times
+    upper, taken = problem.upper[problem.clock.owner], solution.arrays["weights"] > 0.5
     switching = np.where(upper > 0, solution.arrays["switching"], np.nan)
     if len(names) <= style.MOST_LINES:
         axes.set_title("switching functions: price less first-order saving (dots: read)")
         colours = style.sensor_colours(names)
-        for j, name in enumerate(names):
-            axes.plot(problem.clock.times, switching[:, j], color=colours[j], lw=0.8, label=style.shorten(name))
-            used = solution.arrays["weights"][:, j] > 0.5
-            axes.plot(problem.clock.times[used], switching[used, j], "o", ms=3.5, color=colours[j], clip_on=False)
+        for group in alike(switching, log=False):
+            colour = colours[group[0]]
+            axes.plot(times, switching[:, group[0]], color=colour, lw=0.8, label=together(names, group))
+            for j in group:
+                axes.plot(times[taken[:, j]], switching[taken[:, j], j], "o", ms=3.5, color=colour, clip_on=False)
         compress(axes, switching)
         axes.set_ylabel("cost of a reading")
         axes.grid(axis="y")
         legend(axes, len(names))
         _axis(axes, problem, label)
     else:
-        axes.set_title("switching functions above the smallest (dark: to be read, white: not available)")
-        above = switching - np.nanmin(switching, axis=1, keepdims=True)
-        positive = above[above > 0]
-        scale = float(np.median(positive)) if len(positive) else 1.0
-        words = "log₁₀(1 + distance/median)"
-        _map(axes, problem, np.log10(1 + above / scale), names, words, label, log=False)
+        axes.set_title("switching functions above the smallest (dots: read)")
+        smallest = np.min(np.where(np.isfinite(switching), switching, np.inf), axis=1, keepdims=True)
+        _map(axes, problem, switching - smallest, names, "cost of a reading", label)
+        shift = 0.0 if problem.discrete else np.diff(problem.edges)[np.nonzero(taken)[0]] / 2
+        size = float(np.clip(400 / max(len(times), 1), 2, 20))
+        axes.scatter(times[np.nonzero(taken)[0]] + shift, np.nonzero(taken)[1], s=size, color=style.SECOND, lw=0)
 
 
 def _counts(problem: ReadingsProblem, solution: Solution) -> list[str]:
