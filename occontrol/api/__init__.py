@@ -13,7 +13,7 @@ from occontrol.api.files import (
     read_schedule,
     write_run,
 )
-from occontrol.api.pages import rewrite_report, write_report
+from occontrol.api.pages import rewrite_report, write_comparison, write_report
 from occontrol.api.problems import (
     certify,
     choose_method,
@@ -59,6 +59,7 @@ __all__ = [
     "simulate",
     "solve",
     "tradeoff",
+    "write_comparison",
     "write_report",
     "write_run",
 ]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from occontrol.api.files import document, read_run
-from occontrol.api.problems import family_of, figures_of
+from occontrol.api.problems import compare_figure, family_of, figures_of
 from occontrol.core.kinds import PlainMapping
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
@@ -72,3 +72,28 @@ def rewrite_report(folder: str | Path, static: bool = False) -> Path:
         write_report(stage, problem, solution, result, static, origin or {})
 
     return rewritten(folder, content, draw)
+
+
+def write_comparison(folder: Path, problem: BaseProblem, solutions: Mapping[str, Solution], rows: list) -> list[Path]:
+    """compare.png, where the family has such a picture, and compare.html.
+
+    Parameters
+    ----------
+    folder : where to write, which must exist
+    problem : what was solved
+    solutions : Solution by method name
+    rows : one record of numbers for each of them
+
+    Returns the files written. Raises FileAccessError.
+    """
+    from occontrol.files.page.records import write_records_page
+    from occontrol.files.page.usual import STEP, TIME, compared_groups
+
+    family = family_of(problem)
+    figure = compare_figure(problem, solutions)
+    whole = isinstance(getattr(problem, "steps", None), int)
+    groups = compared_groups(solutions, family.compared_curve, STEP if whole else TIME)
+    said = [f"{name}: {s.status}. {s.message or s.status.text}" for name, s in solutions.items()]
+    figures = {} if figure is None else {"compare": figure}
+    title, path = str(problem.name), folder / "compare.html"
+    return write_records_page(path, title, "methods compared", rows, figures, sentences=said, groups=groups)

@@ -50,7 +50,7 @@ def compare(
     from occontrol.files.run_folder import check_writable
 
     folder = out or Path("runs") / f"{file.stem}-compare"
-    refuse_same([folder / "compare.json", folder / "compare.png"], [file])
+    refuse_same([folder / name for name in ("compare.json", "compare.png", "compare.html")], [file])
     problem = read_problem(file)
     family = family_of(problem)
     check_writable(folder)
@@ -168,10 +168,9 @@ def _print(rows: list[PlainDict], named: Sequence[str] = ()) -> None:
 def _write(
     folder: Path, problem: BaseProblem, solutions: dict[str, Solution], rows: list[PlainDict], quiet: bool
 ) -> None:
-    from occontrol.api import compare_figure
+    from occontrol.api import write_comparison
     from occontrol.core.errors import FileAccessError
     from occontrol.files.atomic import write_text
-    from occontrol.files.figures import save
     from occontrol.files.plain_json import to_json
 
     try:
@@ -179,9 +178,8 @@ def _write(
         write_text(folder / "compare.json", to_json(rows))
         # where no method has anything usable there is nothing to draw
         usable = any(s.status.exit_code in (0, 5) for s in solutions.values())
-        figure = compare_figure(problem, solutions) if usable else None
-        if figure is not None:
-            save(figure, folder / "compare.png")
+        if usable:
+            write_comparison(folder, problem, solutions, rows)
     except OSError as error:
         raise FileAccessError(f"cannot write to {folder}: {error.strerror or error}") from error
     if not quiet:

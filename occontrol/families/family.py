@@ -64,6 +64,7 @@ class Family(Protocol):
     columns : the numbers of a result that the table of `compare` shows; empty: cost, bound and gap
     abilities : what it can do beside solve, describe, summarise and draw
     filter_options : the options that `run_filter` takes by name
+    compared_curve : arrays of times and values of one curve of a solution, and what it is, that methods are compared by
     begins_anew : why a solve that is resumed begins anew; empty where a method can go on from an earlier solution
     seed_paths : the keys of a problem file that hold seeds of random numbers
     problem_type : the frozen dataclass of its problems (with `name`, `family`, `method`)
@@ -78,6 +79,7 @@ class Family(Protocol):
     columns: ClassVar[Sequence[str]] = ()
     abilities: ClassVar[frozenset[Ability]]
     filter_options: ClassVar[Sequence[str]] = ()
+    compared_curve: ClassVar[tuple[str, str, str] | None] = None
     begins_anew: ClassVar[str] = ""
     seed_paths: ClassVar[Sequence[str]] = ()
     problem_type: ClassVar[type]

@@ -12,12 +12,11 @@ from pathlib import Path
 from occontrol.core.errors import ProblemError
 from occontrol.core.kinds import Plain, PlainDict
 from occontrol.files.atomic import write_text
-from occontrol.files.figures import save
 from occontrol.files.plain_json import load_json, to_json
 from occontrol.files.spreadsheet import as_text
 from occontrol.studies.folder import MOST_TRIES, Entry, StudyFolder
 
-TABLE, FIGURES = "table", "figures"
+TABLE, FIGURES, PAGE = "table", "figures", "study.html"
 FIRST = ("status", "method", "cost", "lower_bound", "relative_gap")
 _OWN = ("iterations", "seconds")  # change from run to run, or say nothing of the problem
 
@@ -94,7 +93,7 @@ def _is_number(value: Plain) -> bool:
 
 
 def write_collection(folder: StudyFolder, table: Table, figures: bool = True) -> list[Path]:
-    """Write table.csv, table.json and the figures; the files written.
+    """Write table.csv, table.json, the figures and study.html; the files written.
 
     Parameters
     ----------
@@ -117,13 +116,14 @@ def write_collection(folder: StudyFolder, table: Table, figures: bool = True) ->
         ),
     ]
     if figures:
+        from occontrol.files.page.records import write_records_page
         from occontrol.studies.figures import draw
 
-        target = folder.path / FIGURES
-        target.mkdir(exist_ok=True)
-        for name, figure in draw(table).items():
-            save(figure, target / f"{name}.png")
-            written.append(target / f"{name}.png")
+        (folder.path / FIGURES).mkdir(exist_ok=True)
+        page, counted = folder.path / PAGE, f"{len(table.rows)} tasks over {', '.join(table.axes) or 'seeds'}"
+        written += write_records_page(
+            page, table.name, "study", table.rows, draw(table), sentences=[counted], pictures=folder.path / FIGURES
+        )
     return written
 
 

@@ -42,6 +42,7 @@ class Hybrid(Family):
     methods: ClassVar[Mapping[str, type]] = METHODS
     compared: ClassVar[Sequence[str]] = tuple(m.name for m in (Scheduled, ExpectedCovariance, Alternate, Random, Fixed))
     columns: ClassVar[Sequence[str]] = ("average_rms", "peak_rms", "mode_errors", "average_nees")
+    compared_curve: ClassVar[tuple[str, str, str] | None] = ("times", "rms", "RMS position error")
     abilities: ClassVar[frozenset[Ability]] = frozenset(
         {Ability.SIMULATE, Ability.FILTER, Ability.COMPARE, Ability.MONTE_CARLO}
     )

@@ -41,6 +41,7 @@ class VLambda(Family):
     methods: ClassVar[Mapping[str, type]] = METHODS
     compared: ClassVar[Sequence[str]] = tuple(METHODS)
     columns: ClassVar[Sequence[str]] = ("sum_largest_eigenvalue", "sum_trace", "peak_largest_eigenvalue")
+    compared_curve: ClassVar[tuple[str, str, str] | None] = ("times", "largest_eigenvalue", "λmax P(k|k)")
     abilities: ClassVar[frozenset[Ability]] = frozenset(
         {Ability.CERTIFY, Ability.SIMULATE, Ability.FILTER, Ability.ONLINE, Ability.COMPARE}
     )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from occontrol.core.problem import BaseProblem
+from occontrol.core.reading_schedule import ReadingSchedule
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.core.state_labels import state_names, state_units
@@ -110,3 +111,29 @@ def column_edges(times: np.ndarray, count: int) -> np.ndarray:
     if count == 1:
         return np.array([times[0] - 0.5, times[0] + 0.5])
     return np.concatenate([times[:1], (times[1:] + times[:-1]) / 2, times[-1:]])
+
+
+def compared_groups(solutions: Mapping[str, Solution], curve: tuple[str, str, str] | None, axis: str) -> list[Group]:
+    """What several methods chose, one panel each, and one curve of each beside each other.
+
+    Parameters
+    ----------
+    solutions : Solution by method name
+    curve : names of the arrays of times and values of one curve of a solution, and what it is; None without
+    axis : name of the horizontal axis
+    """
+    panels: list[Panel] = []
+    if curve is not None:
+        times, values, label = curve
+        found = {name: s.arrays[values] for name, s in solutions.items() if values in s.arrays and times in s.arrays}
+        grids = [solutions[name].arrays[times][-len(found[name]) :] for name in found]
+        if found and all(np.array_equal(grid, grids[0]) for grid in grids):
+            panels.append(Curves(title=f"{label}, by method", label=label, times=grids[0], names=list(found),
+                                 values=np.column_stack(list(found.values()))))  # fmt: skip
+    for name, solution in solutions.items():
+        if solution.schedule is not None:
+            instants = isinstance(solution.schedule, ReadingSchedule)
+            schedule = solution.schedule
+            panels.append(Bars(title=name, edges=schedule.edges, weights=schedule.weights, names=schedule.names,
+                               instants=instants))  # fmt: skip
+    return [Group(axis=axis, panels=panels, whole=axis == STEP)] if panels else []
