@@ -46,8 +46,10 @@ _FAMILIES: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "problem": ("SchedulingProblem",),
         "readings.problem": ("ReadingsProblem",),
         "readings.clock": ("SampleTimes", "Steps"),
+        "periodic.problem": ("PeriodicProblem",),
         "methods": (
-            "BestSingle", "Collocation", "Greedy", "HMinimal", "Random", "Relaxed", "RelaxRoundPolish", "RoundRobin",
+            "BestSingle", "Collocation", "Greedy", "HMinimal", "Periodic", "Random", "Relaxed", "RelaxRoundPolish",
+            "RoundRobin",
         ),
         "filter.online": ("MatchedFilter",),
     },

@@ -47,8 +47,10 @@ def schedule_of(segments: Sequence[Segment], problem: BaseProblem, file: str) ->
     segments = sorted(segments, key=lambda s: s.start)
     if not segments:
         raise ProblemError(Mistake((), "the schedule has no segment", place=file))
+    entries = [Reading(s.start, s.end, s.sensors, s.weights, s.place()) for s in segments]
+    if (cycle_from := getattr(problem, "cycle_from", None)) is not None:
+        return cycle_from(entries)  # a cycle is as long as what is written
     if takes_readings(problem):
-        entries = [Reading(s.start, s.end, s.sensors, s.weights, s.place()) for s in segments]
         names, variable = tuple(problem.sensors.names), problem.clock.variable
         slews = bool(getattr(problem, "slews", False))
         weights = readings_of(entries, problem.clock.times, names, problem.select, variable, slews)

@@ -1,4 +1,4 @@
-"""What the two kinds of problems of this family, continuous sensing and readings at instants, have in common."""
+"""What the kinds of problems of this family have in common: continuous sensing, readings at instants, no end."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ class AthansProblem(BaseProblem):
 
     Attributes
     ----------
+    infinite : whether the horizon has no end
     takes_readings : whether sensors are read at instants; otherwise sensing is continuous
     of_targets : whether resources look at many targets, instead of sensors at one plant
     discrete : whether time itself is discrete: steps k = 0 .. N
@@ -36,6 +37,7 @@ class AthansProblem(BaseProblem):
     listed : the sensors that the user listed, of readings at instants
     """
 
+    infinite: ClassVar[bool] = False
     takes_readings: ClassVar[bool] = False
     of_targets: ClassVar[bool] = False
     name: str

@@ -1,6 +1,7 @@
-"""Off-line schedules with a certificate: the family of Athans (1971), for continuous sensing and for readings.
+"""Off-line schedules with a certificate: the family of Athans (1971), for continuous sensing, for readings, for ever.
 
-Three kinds of problems, one family: each call goes to the half that a problem belongs to, or to that of many targets.
+Four kinds of problems, one family: each call goes to the part that a problem belongs to: continuous sensing, readings,
+many targets, or no end.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from occontrol.core.errors import Mistake
+from occontrol.core.errors import Mistake, UsageError
 from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.measurement import OnlineLoop
 from occontrol.core.method import Method
@@ -16,6 +17,8 @@ from occontrol.core.result import ResultData
 from occontrol.core.solution import Tradeoff
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
+from occontrol.families.athans.periodic.half import PERIODIC
+from occontrol.families.athans.periodic.method import Periodic
 from occontrol.families.athans.rate import RATE, RateFamily, schedule_of
 from occontrol.families.athans.readings.half import READINGS
 from occontrol.families.athans.targets.half import TARGETS
@@ -39,17 +42,25 @@ class AthansFamily(RateFamily):
     """Which sensor when, planned for a whole horizon, with a proven lower bound beside the cost."""
 
     title: ClassVar[str] = "off-line schedules with a certificate (Athans 1971)"
-    further_methods: ClassVar[Mapping[str, type]] = TARGETS.methods
+    further_methods: ClassVar[Mapping[str, type]] = {**TARGETS.methods, **PERIODIC.methods}
 
     def _half(self, problem: AthansProblem) -> Family:
         if problem.of_targets:
             return TARGETS
+        if problem.infinite:
+            return PERIODIC
         return READINGS if problem.takes_readings else RATE
 
     def choose(self, problem: AthansProblem, method: Method | str | None = None) -> Method:
-        """The method object to run; many targets have methods of their own. Raises UsageError for others."""
+        """The method object to run; many targets and no end have their own. Raises UsageError for others."""
         if isinstance(problem, TargetsProblem):
             return TARGETS.choose(problem, method)
+        if problem.infinite:
+            return PERIODIC.choose(problem, method)
+        chosen = problem.method if method is None else method
+        if chosen == Periodic.name or isinstance(chosen, Periodic):
+            hint = "horizon: {infinite: true}, with step: .. in continuous time"
+            raise UsageError(f"{Periodic.name} does not do a horizon that ends\n  hint: {hint}")
         return super().choose(problem, method)
 
     def mistakes(self, problem: AthansProblem, method: Method) -> list[Mistake]:
@@ -60,7 +71,11 @@ class AthansFamily(RateFamily):
 
     def compare_names(self, problem: AthansProblem) -> list[str]:
         """The method names that `compare` runs on `problem` when none are given."""
-        return list(TARGETS.compared if problem.of_targets else self.compared)
+        return list(PERIODIC.methods if problem.infinite else TARGETS.compared if problem.of_targets else self.compared)
+
+    def claims_of(self, problem: AthansProblem, solution: Solution) -> Claims:
+        """Everything that a run says of its schedule; of an infinite horizon the proof, too."""
+        return self._half(problem).claims_of(problem, solution)  # type: ignore[return-value]
 
     def solve(self, problem: AthansProblem, method: Method, monitor: Monitor) -> Solution:
         """Run `method` on `problem` and certify what it found; see the two halves for what is raised."""

@@ -14,6 +14,7 @@ from occontrol.core.errors import Mistake, ProblemError, suggest
 from occontrol.core.method import check_options
 from occontrol.core.solution import Status
 from occontrol.families.athans.baselines import BestSingle, Greedy, Random, RoundRobin
+from occontrol.families.athans.periodic.method import Periodic
 
 if TYPE_CHECKING:
     from occontrol.core.monitor import Monitor
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
     from occontrol.scheduling.sweep import Sweep
 
 __all__ = [
-    "BestSingle", "Collocation", "Exact", "Greedy", "HMinimal", "Random", "RelaxRoundPolish", "Relaxed", "RoundRobin",
+    "BestSingle", "Collocation", "Exact", "Greedy", "HMinimal", "Periodic", "Random", "RelaxRoundPolish", "Relaxed",
+    "RoundRobin",
 ]  # fmt: skip
 
 KICK_SWEEPS = 4  # times the sweeps that the first polish of readings took: by those its kicks are budgeted
@@ -284,3 +286,6 @@ class Collocation:
 METHODS: dict[str, type] = {
     m.name: m for m in (RelaxRoundPolish, HMinimal, Relaxed, Collocation, BestSingle, RoundRobin, Random, Greedy)
 }
+
+# an infinite horizon has this one alone, the others end
+ALL_METHODS: dict[str, type] = {**METHODS, Periodic.name: Periodic}

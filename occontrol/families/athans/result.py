@@ -82,10 +82,14 @@ class AthansResult(ResultData):
         linearised along its nominal path
     nonlinearity : {readings, predictions} of the plan of a nonlinear plant, see nonlinear/index.py
     schedule : [{start, end, sensors}], see Schedule.segments; [{start, end, resource, target}] for many targets
-    bounds : {relaxed, integer}: the bound that shares of looks prove, and the one that knows that looks are whole
+    bounds : {averaged, tree} of an infinite horizon; of many targets {relaxed, integer}: the bound that shares of looks prove, and the one that knows that looks are whole
     blocks : how many parts of the states nothing couples
     targets : how many targets there are
     per_target : {cost, error} of every target, up to 200 of them; with its share of the observation cost, and without
+    period : steps of the cycle, for an infinite horizon; cost and bound are then per step or unit of time
+    word : what is used at each step of the cycle
+    leaves : words of the proof for all schedules
+    shares : {sensor: share of the time} of the averaged optimum
     """
 
     name: str
@@ -125,6 +129,10 @@ class AthansResult(ResultData):
     blocks: int | None = field(default=None, metadata={"optional": True})
     targets: int | None = field(default=None, metadata={"optional": True})
     per_target: PlainMapping | None = field(default=None, metadata={"optional": True})
+    period: int | None = field(default=None, metadata={"optional": True})
+    word: list[str] | None = field(default=None, metadata={"optional": True})
+    leaves: int | None = field(default=None, metadata={"optional": True})
+    shares: Mapping[str, float] | None = field(default=None, metadata={"optional": True})
 
     @classmethod
     def from_dict(cls, content: PlainMapping) -> Self:

@@ -14,10 +14,15 @@ from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal
 from occontrol.families.athans.growth import beyond_numbers
 from occontrol.families.athans.integration.options import Integration
-from occontrol.families.athans.methods import METHODS
+from occontrol.families.athans.methods import ALL_METHODS
 from occontrol.families.athans.nonlinear import documents as forms
 from occontrol.families.athans.nonlinear import schema as formulas
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
+from occontrol.families.athans.periodic import schema as periodic
+from occontrol.families.athans.periodic.documents import DOCUMENTS as ENDLESS
+from occontrol.families.athans.periodic.documents import EndlessDocument
+from occontrol.families.athans.periodic.documents import document_for as endless_for
+from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.readings import schema as readings
 from occontrol.families.athans.readings.documents import DOCUMENTS as READINGS
@@ -114,7 +119,7 @@ class FormulaDocument(Document):
     replan: forms.Replan | None = None
 
 
-DOCUMENTS = (Document, *READINGS, FormulaDocument, *forms.OF_READINGS.values(), TargetsDocument)
+DOCUMENTS = (Document, *READINGS, FormulaDocument, *forms.OF_READINGS.values(), TargetsDocument, *ENDLESS)
 
 
 def model_for(data: PlainMapping) -> type[Strict]:
@@ -126,22 +131,26 @@ def model_for(data: PlainMapping) -> type[Strict]:
     """
     if is_targets(data):
         return TargetsDocument
+    if (endless := endless_for(data)) is not None:
+        return endless
     found = document_for(data) or Document
     return forms.OF_READINGS.get(found, FormulaDocument) if forms.given_by_formulas(data) else found
 
 
 def build(
-    document: Document | StepsDocument | SamplesDocument | TargetsDocument, context: Context
-) -> SchedulingProblem | ReadingsProblem | TargetsProblem:
+    document: Document | StepsDocument | SamplesDocument | TargetsDocument | EndlessDocument, context: Context
+) -> SchedulingProblem | ReadingsProblem | TargetsProblem | PeriodicProblem:
     """The problem that the document describes; ProblemError with every mistake."""
     if isinstance(document, TargetsDocument):
         return targets.build(document, context)
+    if isinstance(document, EndlessDocument):
+        return periodic.build(document, context)
     if not isinstance(document, Document):
         return readings.build(document, context)
     found, objective = context.found, document.objective
     name = context.title(document.name)
     edges = edges_of(document.horizon, context)
-    method = None if document.method is None else context.method(document.method, METHODS)
+    method = None if document.method is None else context.method(document.method, ALL_METHODS)
     expect = context.expect(document.expect)
     # first: what follows may name its states
     if isinstance(document, FormulaDocument):
@@ -203,10 +212,12 @@ def _sensor(entry: SensorEntry | str, j: int, states: int, context: Context) -> 
     )
 
 
-def document(problem: SchedulingProblem | ReadingsProblem | TargetsProblem) -> PlainDict:
+def document(problem: SchedulingProblem | ReadingsProblem | TargetsProblem | PeriodicProblem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
     if isinstance(problem, TargetsProblem):
         return targets.document(problem)
+    if isinstance(problem, PeriodicProblem):
+        return periodic.document(problem)
     if isinstance(problem, ReadingsProblem):
         return readings.document(problem)
     plant, linearised = problem.plant, linearisation_of(problem)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,8 @@ FORMATS = {
 }
 # what a target compiles instead of reading it, see api/target.py
 TARGETS = {"flight": "flight", "fmu": "export.fmu"}
+
+PROOF = "proof_"  # arrays that begin so prove a bound: whoever checks it has the run folder
 
 
 def check_format(to: str) -> None:
@@ -61,6 +64,8 @@ def write_export(
     if target.is_dir() and Path(FORMATS[to]).suffix:
         target = target / FORMATS[to]
     refuse_run_files(run, target)
+    others = {name: array for name, array in solution.arrays.items() if not name.startswith(PROOF)}
+    solution = replace(solution, arrays=others)
     try:
         return importlib.import_module(f"occontrol.files.export.{to}").write(problem, solution, tables, target)
     except OSError as error:

@@ -10,7 +10,7 @@ from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal, Signal
 from occontrol.families.athans.growth import beyond_numbers
-from occontrol.families.athans.methods import METHODS
+from occontrol.families.athans.methods import ALL_METHODS
 from occontrol.families.athans.nonlinear.documents import FormulaSamplesDocument, FormulaStepsDocument
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.nonlinear.schema import options_documents, read_system, sensor_document
@@ -51,7 +51,7 @@ def build(document: StepsDocument | SamplesDocument, context: Context) -> Readin
         predict_at = document.horizon.predict_at
     plant, sensors = _system(document, clock, variable, context)
     states = 1 if plant is None else plant.states
-    method = None if document.method is None else context.method(document.method, METHODS)
+    method = None if document.method is None else context.method(document.method, ALL_METHODS)
     output = _output(objective, predict_at, states, variable, context)
     running = None
     if objective.running is not None:
@@ -100,11 +100,11 @@ def _system(
         kind = "steps" if isinstance(document, FormulaStepsDocument) else "samples"
         return read_system(document, kind, origin, since, looked, context) or (None, [])
     if isinstance(document, StepsDocument):
-        plant = _steps_plant(document.plant, context)
+        plant = steps_plant(document.plant, context)
     else:
         plant = plant_of(document.plant, context)
     states = 1 if plant is None else plant.states
-    return plant, [_sensor(entry, j, states, variable, context) for j, entry in enumerate(document.sensors)]
+    return plant, [sensor_of(entry, j, states, variable, context) for j, entry in enumerate(document.sensors)]
 
 
 def _output(
@@ -145,8 +145,8 @@ def _sample_times(horizon: SamplesHorizon, context: Context) -> SampleTimes | No
     return context.attempt(SampleTimes, "horizon", times=times, start=horizon.start, end=horizon.end)
 
 
-def _steps_plant(entry: StepsPlant, context: Context) -> DiscretePlant | None:
-    """The plant; with stand-ins for what is wrong (that is noted), as long as F can be had."""
+def steps_plant(entry: StepsPlant, context: Context) -> DiscretePlant | None:
+    """The plant of discrete time; with stand-ins for what is wrong (that is noted), as long as F can be had."""
     signals = {
         key: None if value is None else context.signal(value, "plant", key, variable="k")
         for key, value in (("F", entry.F), ("G", entry.G), ("Q", entry.Q))
@@ -171,7 +171,7 @@ def _steps_plant(entry: StepsPlant, context: Context) -> DiscretePlant | None:
     return plant
 
 
-def _sensor(entry: StepsSensor | SamplesSensor | str, j: int, states: int, variable: str, context: Context) -> Sensor:
+def sensor_of(entry: StepsSensor | SamplesSensor | str, j: int, states: int, variable: str, context: Context) -> Sensor:
     """The sensor; one that measures nothing in its place when there is a mistake (that is noted)."""
     if isinstance(entry, str):
         return idle_sensor(states)
@@ -215,13 +215,19 @@ def _reading_noise(entry: SamplesSensor, j: int, context: Context) -> Signal | N
     return context.signal(entry.noise if key == "noise" else entry.variance, *path, key)
 
 
+def steps_plant_document(plant: DiscretePlant) -> PlainDict:
+    """A plant in discrete time as it stands in a problem file."""
+    system = {"F": plant.F.document(), "G": or_none(plant.G), "Q": plant.Q.document(), **labels_document(plant)}
+    return prune({**system, "initial": {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()}})
+
+
 def document(problem: ReadingsProblem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
     clock, plant, least_most = problem.clock, problem.plant, list(problem.select)
     linearised = linearisation_of(problem)
     if isinstance(clock, Steps):
         horizon: PlainDict = {"steps": clock.steps, "epoch": clock.epoch}
-        system = {} if linearised is not None else _steps_document(plant)
+        system = {} if linearised is not None else steps_plant_document(plant)
     else:
         horizon = {"start": clock.start, "end": clock.end, "sample_times": clock.times.tolist()}
         nothing = problem.running is not None and not np.any(problem.output.at(problem.output_at))
@@ -254,11 +260,6 @@ def document(problem: ReadingsProblem) -> PlainDict:
         **({} if linearised is None else options_documents(linearised)),
     }
     return prune(result)
-
-
-def _steps_document(plant: DiscretePlant) -> PlainDict:
-    system = {"F": plant.F.document(), "G": or_none(plant.G), "Q": plant.Q.document(), **labels_document(plant)}
-    return {**system, "initial": {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()}}
 
 
 def _sensor_document(sensor: Sensor, problem: ReadingsProblem) -> PlainDict | str:

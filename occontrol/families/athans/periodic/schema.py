@@ -1,0 +1,126 @@
+"""Problem files without an end: the problem from a document, and the document from a problem."""
+
+from __future__ import annotations
+
+from occontrol.core.errors import ProblemError
+from occontrol.core.kinds import PlainDict
+from occontrol.core.method import Method
+from occontrol.core.sensor import IDLE, Sensor
+from occontrol.families.athans.methods import ALL_METHODS
+from occontrol.families.athans.periodic.documents import (
+    EndlessContinuousDocument,
+    EndlessDocument,
+    EndlessSensor,
+    EndlessStepsDocument,
+)
+from occontrol.families.athans.periodic.problem import PeriodicProblem
+from occontrol.families.athans.readings.documents import SamplesSensor, StepsSensor
+from occontrol.families.athans.readings.schema import sensor_of, steps_plant, steps_plant_document
+from occontrol.families.athans.schema_parts import plant_document, plant_of, select_of
+from occontrol.families.athans.sensor_noise import sensor_noise
+from occontrol.files.schema.common import Context, options_document, plain, prune
+
+
+def build(document: EndlessDocument, context: Context) -> PeriodicProblem:
+    """The problem that the document describes; ProblemError with every mistake."""
+    found, objective = context.found, document.objective
+    sensing, variable, step = "steps", "k", 1.0
+    if isinstance(document, EndlessContinuousDocument):
+        sensing, variable, step = document.sensing, "t", document.horizon.step
+        plant = plant_of(document.plant, context)
+    elif isinstance(document, EndlessStepsDocument):
+        plant = steps_plant(document.plant, context)
+    else:
+        raise ProblemError("the document is of neither kind")
+    entries = document.sensors
+    for key in ("output", "at"):
+        if getattr(objective, key) is not None:
+            what, hint = f"{key} belongs to a horizon that ends", "running: a weight that counts for ever"
+            found.add(("objective", key), what, hint, True)
+    states = 1 if plant is None else plant.states
+    running = context.signal(objective.running, "objective", "running", variable=variable)
+    sensors = [_sensor(entry, j, states, sensing, context) for j, entry in enumerate(entries)]
+    select, method = select_of(document.select, context), None
+    if document.method is not None:
+        method = context.method(document.method, ALL_METHODS)
+    expect = context.expect(document.expect)
+    if plant is None or running is None:
+        found.raise_if_any()
+        raise ProblemError(found.mistakes)
+    problem = context.attempt(
+        PeriodicProblem,
+        name=context.title(document.name),
+        plant=plant,
+        sensors=sensors,
+        running=running,
+        sensing=sensing,
+        step=step,
+        running_at=objective.running_at,
+        cost_weight=objective.cost_weight,
+        select=1 if select is None else select,
+        method=method,
+        expect=expect,
+    )
+    found.raise_if_any()
+    return problem
+
+
+def _sensor(entry, j: int, states: int, sensing: str, context: Context) -> Sensor:
+    """The sensor; one that measures nothing in its place when there is a mistake (that is noted)."""
+    if not isinstance(entry, EndlessSensor):
+        shaped = entry if isinstance(entry, str) else StepsSensor(**entry.model_dump())
+        return sensor_of(shaped, j, states, "k", context)
+    if sensing == "samples" or entry.name == "":
+        return sensor_of(SamplesSensor(**entry.model_dump()), j, states, "t", context)
+    C = context.signal(entry.C, "sensors", j, "C")
+    noise = sensor_noise(entry.noise, entry.variance, entry.every, entry.name, ("sensors", j), context)
+    cost, sensor = context.signal(entry.cost, "sensors", j, "cost"), None
+    if C is not None and noise is not None and cost is not None:
+        sensor = context.attempt(Sensor, "sensors", j, name=entry.name, C=C, noise=noise, cost=cost)
+    return sensor or sensor_of("idle", j, states, "t", context)
+
+
+def document(problem: PeriodicProblem) -> PlainDict:
+    """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
+    horizon: PlainDict = {"infinite": True}
+    if problem.discrete:
+        system = steps_plant_document(problem.plant)
+    else:
+        horizon["step"] = float(problem.step)
+        system = plant_document(problem.plant)
+    stated = list(problem.select) if IDLE not in problem.listed else problem.select[1]
+    result = {
+        "family": "athans",
+        "name": problem.name,
+        "horizon": horizon,
+        "sensing": "rate" if problem.sensing == "rate" else "samples",
+        "plant": system,
+        "sensors": [_sensor_document(s, problem) for s in problem.sensors if s.name in problem.listed],
+        "select": stated,
+        "objective": {
+            "cost_weight": float(problem.cost_weight),
+            "running": problem.running.document(),
+            "running_at": None if problem.sensing == "rate" else problem.running_at,
+        },
+        "method": _method_document(problem.method),
+        "expect": None if problem.expect is None else plain(problem.expect),
+    }
+    result["objective"] = prune(result["objective"])
+    return prune(result)
+
+
+def _method_document(method: Method | None) -> PlainDict | None:
+    """The options; no time limit is said, for a file without any has one."""
+    stated = options_document(method)
+    if stated is not None and getattr(method, "time_limit", None) is None:
+        stated["time_limit"] = None
+    return stated
+
+
+def _sensor_document(sensor: Sensor, problem: PeriodicProblem) -> PlainDict | str:
+    if sensor.name == IDLE and sensor.is_idle:
+        return IDLE
+    C, R = ("H", "R") if problem.discrete else ("C", "noise")
+    return {
+        "name": sensor.name, C: sensor.C.document(), R: sensor.noise.document(), "cost": sensor.cost.document(),
+    }  # fmt: skip
