@@ -25,6 +25,7 @@ def test_athans_in_detail():
     assert [form["$ref"].rpartition("/")[2] for form in whole["anyOf"]] == [
         "Document", "StepsDocument", "SamplesDocument",
         "FormulaDocument", "FormulaStepsDocument", "FormulaSamplesDocument", "TargetsDocument",
+        "EndlessStepsDocument", "EndlessContinuousDocument",
     ]  # fmt: skip
     assert set(schema["required"]) == {"family", "horizon", "plant", "sensors", "objective"}
     named, *options = schema["properties"]["method"]["anyOf"]

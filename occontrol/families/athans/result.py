@@ -82,7 +82,8 @@ class AthansResult(ResultData):
         linearised along its nominal path
     nonlinearity : {readings, predictions} of the plan of a nonlinear plant, see nonlinear/index.py
     schedule : [{start, end, sensors}], see Schedule.segments; [{start, end, resource, target}] for many targets
-    bounds : {averaged, tree} of an infinite horizon; of many targets {relaxed, integer}: the bound that shares of looks prove, and the one that knows that looks are whole
+    bounds : {averaged, tree} of an infinite horizon; of many targets {relaxed, integer}: the bound that shares of
+        looks prove, and the one that knows that looks are whole
     blocks : how many parts of the states nothing couples
     targets : how many targets there are
     per_target : {cost, error} of every target, up to 200 of them; with its share of the observation cost, and without
