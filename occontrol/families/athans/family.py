@@ -19,6 +19,7 @@ from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.periodic.half import PERIODIC
 from occontrol.families.athans.periodic.method import Periodic
+from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.families.athans.rate import RATE, RateFamily, schedule_of
 from occontrol.families.athans.readings.half import READINGS
 from occontrol.families.athans.targets.half import TARGETS
@@ -55,7 +56,7 @@ class AthansFamily(RateFamily):
         """The method object to run; many targets and no end have their own. Raises UsageError for others."""
         if isinstance(problem, TargetsProblem):
             return TARGETS.choose(problem, method)
-        if problem.infinite:
+        if isinstance(problem, PeriodicProblem):
             return PERIODIC.choose(problem, method)
         chosen = problem.method if method is None else method
         if chosen == Periodic.name or isinstance(chosen, Periodic):
