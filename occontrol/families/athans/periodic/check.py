@@ -81,10 +81,10 @@ def _diagonal(blocks: list[np.ndarray]) -> np.ndarray:
 def _step(problem: PeriodicProblem, R: np.ndarray):
     """F, Q of one step, and what a posterior covariance is charged."""
     if problem.discrete:
-        G = np.eye(len(problem.plant.Q.at(0.0))) if problem.plant.G is None else problem.plant.G.at(0.0)
-        return problem.plant.F.at(0.0), G @ problem.plant.Q.at(0.0) @ G.T, lambda X: float(np.vdot(R, X))
+        G = np.eye(len(problem.stepped.Q.at(0.0))) if problem.stepped.G is None else problem.stepped.G.at(0.0)
+        return problem.stepped.F.at(0.0), G @ problem.stepped.Q.at(0.0) @ G.T, lambda X: float(np.vdot(R, X))
     h = problem.step
-    F, Q = (each[0] for each in transitions(problem.plant.A, problem.plant.noise, np.zeros(1), np.full(1, h)))
+    F, Q = (each[0] for each in transitions(problem.flowing.A, problem.flowing.noise, np.zeros(1), np.full(1, h)))
     if problem.running_at != "integral":
         return F, Q, lambda X: float(np.vdot(R, X))
     return F, Q, lambda X: _flow(problem, np.zeros((0, problem.states)), [], X, R)[1]
@@ -94,7 +94,7 @@ def _flow(problem: PeriodicProblem, C: np.ndarray, noise: list[np.ndarray], S: n
     """The covariance after one step of continuous sensing, and the integral of tr(R S) over it."""
     from scipy.integrate import solve_ivp
 
-    A, Xi, n = problem.plant.A.at(0.0), problem.plant.noise.at(0.0), len(S)
+    A, Xi, n = problem.flowing.A.at(0.0), problem.flowing.noise.at(0.0), len(S)
     L = C.T @ np.linalg.solve(_diagonal(noise), C) if len(C) else np.zeros((n, n))
     scale = np.sqrt(np.outer(np.diag(S), np.diag(S)))
 

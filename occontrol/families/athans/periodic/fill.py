@@ -97,15 +97,15 @@ def _readings(problem: PeriodicProblem, parts: Parts) -> Filled:
     n, count, h = problem.states, len(problem.choices), problem.step
     M, constant = parts.running, 0.0
     if problem.discrete:
-        F, Q = problem.plant.F.at(0.0), problem.plant.Q.at(0.0)
-        if problem.plant.G is not None:
-            G = problem.plant.G.at(0.0)
+        F, Q = problem.stepped.F.at(0.0), problem.stepped.Q.at(0.0)
+        if problem.stepped.G is not None:
+            G = problem.stepped.G.at(0.0)
             Q = G @ Q @ G.T
     else:
         span = np.array([0.0]), np.array([h])
-        F, Q = (each[0] for each in transitions(problem.plant.A, problem.plant.noise, *span))
+        F, Q = (each[0] for each in transitions(problem.flowing.A, problem.flowing.noise, *span))
         if problem.running_at == "integral":
-            whole = charged_spans(problem.plant, problem.running, *span, 0.0)
+            whole = charged_spans(problem.flowing, problem.running, *span, 0.0)
             M, constant = whole.charge[0], float(whole.constant[0])
     Q = symmetrise(Q)
     seen = np.zeros((count, 1, n, n)) if problem.running_at == "prior" else parts.gains[:, None]
@@ -117,7 +117,7 @@ def _readings(problem: PeriodicProblem, parts: Parts) -> Filled:
 
 
 def _rate(problem: PeriodicProblem, parts: Parts) -> Filled:
-    h, A, noise = problem.step, problem.plant.A.at(0.0), symmetrise(problem.plant.noise.at(0.0))
+    h, A, noise = problem.step, problem.flowing.A.at(0.0), symmetrise(problem.flowing.noise.at(0.0))
     whole = flow(A, noise, parts.everything, h)
     smallest = smallest_covariance(*whole)
     steps = [flow(A, noise, L, h) for L in parts.gains]

@@ -13,7 +13,6 @@ import numpy as np
 
 from occontrol.core.errors import SolveFailed, UsageError
 from occontrol.core.measurement import Estimate, Measurement
-from occontrol.core.plant import DiscretePlant
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
@@ -87,19 +86,17 @@ def unrolled(problem: PeriodicProblem, schedule: Schedule, cycles: int, start: n
     names = list(schedule.names)
     order = [names.index(s.name) for s in problem.sensors]
     weights = np.tile(schedule.weights[:, order], (cycles, 1))
-    plant = replace(problem.plant, covariance=start)
     nothing = np.zeros((1, problem.states))
     if problem.sensing == "rate":
-        most = problem.places
         ended = SchedulingProblem(
-            problem.name, plant, problem.sensors, h * np.arange(N + 1), nothing, cost_weight=problem.cost_weight,
-            running=problem.running, select=most,
+            problem.name, replace(problem.flowing, covariance=start), problem.sensors, h * np.arange(N + 1), nothing,
+            cost_weight=problem.cost_weight, running=problem.running, select=problem.places,
         )  # fmt: skip
         return ended, Schedule(ended.edges, weights, tuple(problem.sensors.names))
-    clock = Steps(N) if isinstance(plant, DiscretePlant) else SampleTimes(h * np.arange(N), 0.0, h * N)
+    clock = Steps(N) if problem.discrete else SampleTimes(h * np.arange(N), 0.0, h * N)
     ended = ReadingsProblem(
-        problem.name, plant, problem.sensors, clock, nothing, cost_weight=problem.cost_weight, running=problem.running,
-        running_at=problem.running_at, select=problem.select,
+        problem.name, replace(problem.plant, covariance=start), problem.sensors, clock, nothing,
+        cost_weight=problem.cost_weight, running=problem.running, running_at=problem.running_at, select=problem.select,
     )  # fmt: skip
     return ended, ended.make_schedule(ended.edges, weights)
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
-from typing import Any, ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 
@@ -60,7 +60,7 @@ class PeriodicProblem(AthansProblem):
     """
 
     name: str
-    plant: Any
+    plant: LinearPlant | DiscretePlant
     sensors: Kept[Sequence[Sensor], SensorSuite[Sensor]]
     running: SignalField
     sensing: str = "steps"
@@ -167,6 +167,16 @@ class PeriodicProblem(AthansProblem):
         for j, sensor in enumerate(self.sensors):
             named |= {("sensors", j, letters.get(k, k)): s for k, s in sensor.signals.items()}
         return named | {("objective", "running"): self.running}
+
+    @property
+    def stepped(self) -> DiscretePlant:
+        """The plant of discrete time."""
+        return cast(DiscretePlant, self.plant)
+
+    @property
+    def flowing(self) -> LinearPlant:
+        """The plant of continuous time."""
+        return cast(LinearPlant, self.plant)
 
     @property
     def discrete(self) -> bool:

@@ -93,8 +93,8 @@ def averaged_of(problem: PeriodicProblem, setting: Setting) -> Averaged:
         return averaged_steps(setting.letters)
     parts, root = parts_of(problem), setting.root
     inverse = np.linalg.inv(root)
-    A = inverse @ problem.plant.A.at(0.0) @ root
-    noise = inverse @ problem.plant.noise.at(0.0) @ inverse.T
+    A = inverse @ problem.flowing.A.at(0.0) @ root
+    noise = inverse @ problem.flowing.noise.at(0.0) @ inverse.T
     return averaged_flow(A, noise, root.T @ parts.gains @ root, root.T @ parts.running @ root, parts.prices)
 
 

@@ -84,10 +84,10 @@ def document(problem: PeriodicProblem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
     horizon: PlainDict = {"infinite": True}
     if problem.discrete:
-        system = steps_plant_document(problem.plant)
+        system = steps_plant_document(problem.stepped)
     else:
         horizon["step"] = float(problem.step)
-        system = plant_document(problem.plant)
+        system = plant_document(problem.flowing)
     stated = list(problem.select) if IDLE not in problem.listed else problem.select[1]
     result = {
         "family": "athans",
