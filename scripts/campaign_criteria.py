@@ -20,6 +20,7 @@ import numpy as np
 from occontrol.families.athans.discretise import discretise, feasible_set
 from occontrol.scheduling.criteria import LargestEigenvalue, LogDeterminant, LogTrace, Schatten
 from occontrol.scheduling.criterion import TraceCriterion
+from occontrol.scheduling.criterion_sweep import CriterionSweep
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 from occontrol.scheduling.smoothed import minimise_smoothed
@@ -72,7 +73,7 @@ def judged(seed: int) -> dict[str, tuple[float, float, float, bool]]:
             beyond = np.max(off)
         options = RelaxedOptions(absolute_gap=1e-3 * (1 + abs(float(truth.min()))))
         if name == "largest-eigenvalue":
-            relaxed = minimise_smoothed(recursion, LargestEigenvalue(D), allowed, options=options)
+            relaxed = minimise_smoothed(CriterionSweep(recursion, LargestEigenvalue(D)), allowed, options=options)
         else:
             relaxed = minimise_relaxed(sweep, allowed, options=options)
         v = random_policy(problem, rng)

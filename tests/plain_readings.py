@@ -9,6 +9,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from tests.plain_criteria import counted, plain_criterion
+
 
 def random_document(rng: np.random.Generator, most_readings: int = 6, budget: bool = False) -> dict[str, Any]:
     """A problem file with at most 5 states, 4 sensors and `most_readings` readings, small enough to enumerate."""
@@ -105,6 +107,7 @@ class PlainReadings:
         self.idle = "idle" in document["sensors"]
         self.S0 = np.array(document["plant"]["initial"]["covariance"])
         self.gaps: dict[int, tuple] = {}
+        self.condition = 1.0
         if not self.discrete:
             stops = [h["start"], *self.times, h["end"], h.get("predict_at", h["end"])]
             for k, (a, b) in enumerate(pairwise(stops)):
@@ -146,7 +149,8 @@ class PlainReadings:
     def cost(self, chosen: list[tuple[int, ...]]) -> float:
         """J of a schedule: the sensors read at every instant."""
         d, o, variable = self.d, self.d["objective"], "k" if self.discrete else "t"
-        S, total = self.S0, 0.0
+        S, total, peaks = self.S0, 0.0, []
+        criterion = o.get("criterion", {"name": "trace"})
         R = np.array(o["running"]) if "running" in o else None
         where = o.get("running_at", "posterior" if self.discrete else "integral")
         if not self.discrete:
@@ -155,6 +159,8 @@ class PlainReadings:
         for k, t in enumerate(self.times):
             if R is not None and where == "prior":
                 total += float(np.trace(R @ S))
+            if counted(criterion, "prior", t):
+                peaks.append(float(np.trace(self._outputs(t) @ S @ self._outputs(t).T)))
             for j in chosen[k]:
                 sensor = self.sensors[j]
                 C = np.array(evaluated(sensor["H" if self.discrete else "C"], variable, t), dtype=float)
@@ -165,6 +171,8 @@ class PlainReadings:
                 total += o["cost_weight"] * float(evaluated(sensor["cost"], variable, t))
             if R is not None and where == "posterior":
                 total += float(np.trace(R @ S))
+            if counted(criterion, "posterior", t):
+                peaks.append(float(np.trace(self._outputs(t) @ S @ self._outputs(t).T)))
             if not self.discrete:
                 S, charged = self._across(k + 1, S, where == "integral")
                 total += charged
@@ -172,10 +180,17 @@ class PlainReadings:
                 F = np.array(evaluated(d["plant"]["F"], "k", t), dtype=float)
                 G = np.array(d["plant"].get("G", np.eye(len(F))))
                 S = F @ S @ F.T + G @ np.array(d["plant"]["Q"]) @ G.T
-        D = np.array(o["output"], dtype=float)
+        D = self._outputs(self.times[-1])
         if not self.discrete:
             D = D @ self.gaps[len(self.times) + 1][0]
-        return total + float(np.trace(D @ S @ D.T))
+        value = plain_criterion(criterion, D @ S @ D.T, peaks)
+        self.condition = float(np.linalg.cond(D @ S @ D.T))  # of X of the last schedule
+        if "limit" in criterion:  # a constraint, and no part of the cost
+            return total if value <= criterion["limit"] * (1 + 1e-9) else float("inf")
+        return total + value
+
+    def _outputs(self, t: float) -> np.ndarray:
+        return np.array(self.d["objective"].get("output", np.eye(len(self.S0))), dtype=float)
 
     def _across(self, k: int, S: np.ndarray, charge: bool) -> tuple[np.ndarray, float]:
         Phi, Q, M, c = self.gaps[k]

@@ -111,11 +111,13 @@ def comparison(solutions: dict[str, Solution]) -> list[PlainDict]:
         cost = getattr(numbers, "cost", None) if top is None else top.cost
         record: PlainDict = {"method": name, "status": str(solution.status), "cost": cost}
         record["lower_bound"] = getattr(numbers, "lower_bound", None) if top is None else top.lower_bound
-        if best is not None and isinstance(cost, int | float) and cost:
-            gap = (cost - best) / abs(cost)
+        absolute = bool(getattr(top, "absolute", False))  # a logarithm: differences are what compares
+        if best is not None and isinstance(cost, int | float) and (cost or absolute):
+            gap = cost - best if absolute else (cost - best) / abs(cost)
             # shares of readings may cost less than any schedule of whole ones: there is nothing to compare
             split = solution.schedule is not None and not solution.schedule.is_integer
             record["gap_to_best_bound"] = None if split and gap < -SAME else gap
+            record |= {"gap": "difference"} if absolute else {}
         # whatever else the family reports as a number, or as several that belong together
         for key, value in solution.result.items():
             if key in GROUPS and isinstance(value, dict):
@@ -139,6 +141,7 @@ def _print(rows: list[PlainDict], named: Sequence[str] = ()) -> None:
         "seconds",
         "continuous",
         "top",
+        "gap",
     }
     bounded = any(isinstance(r.get("lower_bound"), int | float) for r in rows)
     # families without a cost bound are compared by the numbers that they report, some name theirs
@@ -154,7 +157,7 @@ def _print(rows: list[PlainDict], named: Sequence[str] = ()) -> None:
         headers += ["lower bound", "above best bound", "switches"]
         columns += [
             lambda r: number(r.get("lower_bound")),
-            lambda r: percent(r.get("gap_to_best_bound")),
+            lambda r: (number if r.get("gap") else percent)(r.get("gap_to_best_bound")),
             lambda r: number(r.get("switches")),
         ]
     for key in others:

@@ -27,7 +27,7 @@ def show(run: RunFolder, json: JsonFlag = False) -> int:
     if isinstance(first.get("cost"), int | float):
         pairs.append(("cost", number(first.get("cost"))))
     if isinstance(first.get("lower_bound"), int | float):
-        bound = f"{number(first.get('lower_bound'))}   gap {percent(first.get('relative_gap'))}"
+        bound = f"{number(first.get('lower_bound'))}   {_gap(first)}"
         pairs.append(("lower bound", bound))
     pairs.append(("digest", str(result.get("digest", "not recorded (written by the first edition)"))))
     pairs.append(("versions", _listed(result.get("versions"))))
@@ -41,6 +41,11 @@ def show(run: RunFolder, json: JsonFlag = False) -> int:
         pairs.append(("interrupted", f"{run / 'interrupted'}/ holds a result that was not finished; solve --resume"))
     print_pairs(pairs)
     return 0
+
+
+def _gap(first: PlainDict) -> str:
+    gap = first.get("relative_gap")
+    return f"gap {number(gap, 3)} (a difference)" if first.get("gap") == "difference" else f"gap {percent(gap)}"
 
 
 def _seconds(result: PlainDict) -> str:

@@ -128,6 +128,7 @@ def run_method(problem: BaseProblem, name: str | None, monitor: Watched) -> Solu
 
     method = choose_method(problem, name)
     monitor.target, limit = getattr(method, "relative_gap", None), getattr(method, "time_limit", None)
+    monitor.absolute = bool(getattr(problem, "logarithmic", False))
     monitor.deadline = None if limit is None else monitor.seconds + limit
     return call_solve(problem, method, monitor)
 

@@ -34,10 +34,12 @@ class Watched(Monitor):
     ----------
     target : relative gap, or None where there is none
     deadline : `seconds` at which the method's own time limit passes, or None
+    absolute : whether gaps are differences and not shares: the cost holds a logarithm
     """
 
     target: float | None = None
     deadline: float | None = None
+    absolute: bool = False
 
 
 @contextmanager
@@ -189,7 +191,9 @@ def progress_text(monitor: Watched) -> str:
         parts.append(f"cost {cost:.8g}")
     if math.isfinite(bound):
         parts.append(f"bound {bound:.8g}")
-        if math.isfinite(cost) and cost:
+        if math.isfinite(cost) and monitor.absolute:
+            parts.append(f"gap {cost - bound:.2g}")
+        elif math.isfinite(cost) and cost:
             parts.append(f"gap {100 * (cost - bound) / abs(cost):.2g} %")
     left = time_left(monitor)
     return " · ".join(
@@ -211,7 +215,8 @@ def time_left(monitor: Watched) -> float | None:
     stage = monitor.history[-1].get("stage") if monitor.history else None
     points = []
     for record in monitor.history[-RECENT:]:
-        gap = (record["cost"] - record["lower_bound"]) / abs(record["cost"]) if record["cost"] else 0.0
+        size = 1.0 if monitor.absolute else abs(record["cost"])
+        gap = (record["cost"] - record["lower_bound"]) / size if size else 0.0
         if record.get("stage") == stage and math.isfinite(gap) and gap > 0:
             points.append((record["seconds"], math.log(gap)))
     target = monitor.target

@@ -77,17 +77,24 @@ class Certificate:
     ----------
     cost : J of the policy, in cost units
     lower_bound : in cost units; no policy of the same problem costs less
-    allowance : share of |cost| by which rounding may put the bound above the cost; it has done its work once the two
+    allowance : share of `size` by which rounding may put the bound above the cost; it has done its work once the two
         numbers stand, so equal certificates may have had different ones
+    absolute : whether the cost holds a logarithm: it may then be 0 or less, and gaps are not divided by it
     """
 
     cost: float
     lower_bound: float
     allowance: float = field(default=ALLOWANCE, compare=False)
+    absolute: bool = False
 
     def __post_init__(self) -> None:
-        if self.cost < self.lower_bound <= self.cost + self.allowance * abs(self.cost):
+        if self.cost < self.lower_bound <= self.cost + self.allowance * self.size:
             object.__setattr__(self, "lower_bound", self.cost)
+
+    @property
+    def size(self) -> float:
+        """What gaps are shares of: |cost|, or 1 where the cost holds a logarithm."""
+        return 1.0 if self.absolute else abs(self.cost)
 
     @property
     def contradicts(self) -> bool:
@@ -111,12 +118,24 @@ class Certificate:
 
     @property
     def relative_gap(self) -> float:
-        """(cost - lower_bound)/|cost|; 0 when both vanish."""
-        return self.gap / abs(self.cost) if self.cost else (0.0 if self.gap == 0 else float("inf"))
+        """(cost - lower_bound)/|cost|, 0 when both vanish; cost - lower_bound where the cost holds a logarithm."""
+        return self.gap / self.size if self.size else (0.0 if self.gap == 0 else float("inf"))
 
     def as_dict(self) -> dict[str, float]:
         """The three numbers as they stand in result.json."""
         return {"cost": self.cost, "lower_bound": self.lower_bound, "relative_gap": self.relative_gap}
+
+
+def gap_words(gap: float, absolute: bool = False, digits: int = 3) -> str:
+    """A gap for people: a share in percent, or a difference where the cost holds a logarithm.
+
+    Parameters
+    ----------
+    gap : as in `Certificate.relative_gap`
+    absolute : whether it is a difference
+    digits : significant ones
+    """
+    return f"gap {gap:.{digits}g} (a difference)" if absolute else f"gap {100 * gap:.{digits}g} %"
 
 
 @dataclass(frozen=True, eq=False)

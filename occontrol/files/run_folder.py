@@ -210,8 +210,9 @@ def _solution(problem: BaseProblem, content: dict, arrays: dict[str, np.ndarray]
     result = {key: value for key, value in content.items() if key not in _OWN_KEYS}
     certificate = None
     numbers = [result.get("cost"), result.get("lower_bound")]
+    absolute = bool(getattr(problem, "logarithmic", False))
     if all(isinstance(x, int | float) for x in numbers):
-        certificate = Certificate(float(numbers[0]), float(numbers[1]))  # type: ignore[arg-type]
+        certificate = Certificate(float(numbers[0]), float(numbers[1]), absolute=absolute)  # type: ignore[arg-type]
     try:
         schedule = None
         if {"edges", "weights"} <= arrays.keys():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from occontrol.scheduling.feasible_set import FeasibleSet
@@ -87,7 +89,9 @@ def random_policy(feasible_set: FeasibleSet, seed: int = 1) -> np.ndarray:
     return feasible_set.vertex(np.random.default_rng(seed).random(feasible_set.shape))
 
 
-def greedy(recursion: Recursion, feasible_set: FeasibleSet) -> np.ndarray:
+def greedy(
+    recursion: Recursion, feasible_set: FeasibleSet, later: Callable[[int, np.ndarray], float] | None = None
+) -> np.ndarray:
     """On every interval the choice that would be best if no measurement followed it.
 
     It minimises alpha q h + tr(W_k S+), W_k = Phi(Tp, t_k)'D'D Phi(Tp, t_k), place by place; where a decision has
@@ -97,11 +101,12 @@ def greedy(recursion: Recursion, feasible_set: FeasibleSet) -> np.ndarray:
     ----------
     recursion : Recursion
     feasible_set : FeasibleSet of the policies
+    later : (k, S+ (n, n)) -> what is minimised in the place of tr(W_k S+), for another criterion than the trace
 
     Returns (N, M) integral policy.
     """
     r, price = recursion, recursion.decision_cost
-    weight = _later_weights(r)
+    value_later = later or _least_trace(r)
     ends = np.append(r.first_steps, len(r.steps))
     result = np.zeros(feasible_set.shape)
     S = r.initial
@@ -113,7 +118,7 @@ def greedy(recursion: Recursion, feasible_set: FeasibleSet) -> np.ndarray:
             best, best_value = -1, np.inf
             for j in np.flatnonzero(_open(here, result[k])):
                 after, running = _follow(r, S, steps, [*chosen, int(j)])
-                value = price[k, j] + running + float(np.sum(weight[steps[-1]] * after))
+                value = price[k, j] + running + value_later(steps[-1], after)
                 if value < best_value:
                     best, best_value, best_S = int(j), value, after
             result[k, best] += 1.0
@@ -122,13 +127,20 @@ def greedy(recursion: Recursion, feasible_set: FeasibleSet) -> np.ndarray:
     return result
 
 
+def _least_trace(r: Recursion) -> Callable[[int, np.ndarray], float]:
+    """tr(W_k S+)."""
+    weight = later_weights(r)
+    return lambda k, S: float(np.sum(weight[k] * S))
+
+
 def _open(here: FeasibleSet, chosen: np.ndarray) -> np.ndarray:
     """(M,) which sensors one interval may use besides those `chosen` (M,)."""
     return here.exchange_masks(chosen[None])[1][0]
 
 
-def _later_weights(r: Recursion) -> np.ndarray:
-    """(K, n, n): the cost of S+ after each step if nothing is measured later."""
+def later_weights(recursion: Recursion) -> np.ndarray:
+    """(K, n, n): the cost of S+ after each step of a `recursion` if nothing is measured later."""
+    r = recursion
     weight = np.empty((len(r.steps), *r.initial.shape))
     W = r.terminal
     for k in range(len(r.steps), 0, -1):

@@ -42,6 +42,10 @@ class LogTrace:
         """0 for any `covariance` (n, n): nothing is smoothed."""
         return 0.0
 
+    def rounding(self, covariance: np.ndarray) -> float:
+        """0 for any `covariance` (n, n): its logarithm is of one number."""
+        return 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class LogDeterminant:
@@ -69,6 +73,12 @@ class LogDeterminant:
     def smoothing_error(self, covariance: np.ndarray) -> float:
         """0 for any `covariance` (n, n): nothing is smoothed."""
         return 0.0
+
+    def rounding(self, covariance: np.ndarray) -> float:
+        """What the last digit of S, `covariance` (n, n), moves: p^2 units of it times the condition of the outputs."""
+        scale, factor = _scaled_factor(_outputs(self.output, covariance))
+        sizes = np.linalg.svd(factor, compute_uv=False)
+        return float(4 * len(scale) ** 2 * np.finfo(float).eps * (sizes[0] / sizes[-1]) ** 2)
 
     def curvature(self, covariance: np.ndarray, changes: np.ndarray) -> np.ndarray:
         """Second derivatives (m, m) at S, `covariance` (n, n), along `changes` (m, n, n): -tr(W S_a W S_b)."""
@@ -119,6 +129,15 @@ class LargestEigenvalue:
         shares = self._shares(np.linalg.eigvalsh(_outputs(self.output, covariance)))
         shares = shares[shares > 0]
         return float(-self.smoothing * np.sum(shares * np.log(shares)))
+
+    def rounding(self, covariance: np.ndarray) -> float:
+        """0 for any `covariance` (n, n): any Z of trace 1 gives a bound."""
+        return 0.0
+
+    @property
+    def spread(self) -> float:
+        """log p: a smoothed value is at most mu log p above the true one."""
+        return float(np.log(len(self.output)))
 
     def curvature(self, covariance: np.ndarray, changes: np.ndarray) -> np.ndarray:
         """Second derivatives (m, m) at S, `covariance` (n, n), along `changes` (m, n, n), for mu > 0.
@@ -177,6 +196,10 @@ class Schatten:
 
     def smoothing_error(self, covariance: np.ndarray) -> float:
         """0 for any `covariance` (n, n): the norm is itself the criterion."""
+        return 0.0
+
+    def rounding(self, covariance: np.ndarray) -> float:
+        """0 for any `covariance` (n, n): any Z of dual norm 1 gives a bound."""
         return 0.0
 
 

@@ -38,6 +38,31 @@ class Criterion(Protocol):
         """
         ...
 
+    def rounding(self, covariance: np.ndarray) -> float:
+        """How far the last digit of S, `covariance` (n, n), moves what is not linear in it."""
+        ...
+
+
+class CorneredCriterion(Criterion, Protocol):
+    """A criterion with corners, which can be smoothed from above.
+
+    Attributes
+    ----------
+    smoothing : mu, 0 for the true criterion
+    """
+
+    @property
+    def smoothing(self) -> float: ...
+
+    def smoothed(self, smoothing: float) -> CorneredCriterion:
+        """The same with another mu, `smoothing`."""
+        ...
+
+    @property
+    def spread(self) -> float:
+        """By so much the smoothed value may lie above the true one, for each unit of mu."""
+        ...
+
 
 class CurvedCriterion(Criterion, Protocol):
     """A criterion with second derivatives, for Newton's method."""
@@ -69,6 +94,10 @@ class TraceCriterion:
 
     def smoothing_error(self, covariance: np.ndarray) -> float:
         """0 for any `covariance` (n, n): nothing is smoothed."""
+        return 0.0
+
+    def rounding(self, covariance: np.ndarray) -> float:
+        """0 for any `covariance` (n, n): it is linear."""
         return 0.0
 
     def curvature(self, covariance: np.ndarray, changes: np.ndarray) -> np.ndarray:

@@ -135,6 +135,8 @@ def minimise_design(
     def inside(x: np.ndarray) -> float:
         w = v.copy()
         w.ravel()[free] = x
+        if np.min(x) <= 0 or np.min(top - x) <= 0:
+            return np.inf
         return design.cost(w) - barrier * float(np.sum(np.log(x) + np.log(top - x)))
 
     while True:

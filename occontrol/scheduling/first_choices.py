@@ -37,6 +37,7 @@ class TreeLimits:
     patience : nodes in a row that may be opened without raising the bound by `worth` of the gap; None is no limit
     worth : share of the gap
     nodes : relaxations that may be solved
+    absolute : whether gaps are differences: costs that hold a logarithm
     """
 
     relative_gap: float
@@ -45,6 +46,15 @@ class TreeLimits:
     patience: int | None = None
     worth: float = 0.01
     nodes: int = 1_000_000
+    absolute: bool = False
+
+    def size(self, cost: float) -> float:
+        """What gaps are shares of, for a `cost`."""
+        return 1.0 if self.absolute else abs(cost)
+
+    def relaxation(self, steps: int) -> RelaxedOptions:
+        """Of one node, in at most `steps`."""
+        return RelaxedOptions(self.node_gap, steps, absolute_gap=self.node_gap if self.absolute else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +126,11 @@ def branch(
     heap: list[tuple[float, int, int, np.ndarray, np.ndarray]] = []
     first = _open_decision(feasible_set.upper, feasible_set.places, 0)
     heap.append((root.lower_bound, 0, first, feasible_set.upper, root.weights))
-    options = RelaxedOptions(limits.node_gap, MOST_STEPS)
+    options = limits.relaxation(MOST_STEPS)
     bound, stale, finished = root.lower_bound, 0, np.inf
     while heap and not monitor.stop and objective.backward_count < spent and nodes < limits.nodes:
         lowest, _, depth, upper, weights = heap[0]
-        if lowest >= best - limits.relative_gap * abs(best) or finished <= lowest:
+        if lowest >= best - limits.relative_gap * limits.size(best) or finished <= lowest:
             break
         if limits.patience is not None and nodes:
             stale = 0 if lowest > bound + limits.worth * (best - bound) else stale + 1
@@ -139,7 +149,7 @@ def branch(
             if following == len(child):  # a whole schedule: its cost is its bound
                 whole = feasible_set.vertex(np.where(child > 0.5, -1.0, 0.0))
                 cost = objective.cost(whole)
-                finished = min(finished, cost - FIXED * abs(cost))
+                finished = min(finished, cost - FIXED * limits.size(cost))
             else:
                 allowed = replace(feasible_set, upper=child)
                 start = weights.copy()
@@ -152,7 +162,7 @@ def branch(
             if cost < best:
                 best, best_weights = cost, whole
     lower = min(heap[0][0] if heap else np.inf, finished, best)
-    closed = lower >= best - max(limits.relative_gap, FIXED) * abs(best)
+    closed = lower >= best - max(limits.relative_gap, FIXED) * limits.size(best)
     return TreeOutcome(max(lower, root.lower_bound), best_weights, best, nodes, closed)
 
 

@@ -138,7 +138,8 @@ def polish(
     if not sweep.foresees_exchanges:
         watch = monitor.child(silent=True)
         found = h_minimal(sweep, feasible_set, start, max_iterations=max_rounds, monitor=watch)
-        return _polish_by_trial(sweep, feasible_set, found.weights, found.cost, monitor)
+        # what is minimised may lie a little below the cost, where a criterion is smoothed
+        return _polish_by_trial(sweep, feasible_set, found.weights, sweep.cost(found.weights), monitor)
     found = _polish_by_exchange(sweep, feasible_set, start, max_rounds, monitor)
     if sweep.dense and found.end == "stationary":
         tried = _polish_by_trial(sweep, feasible_set, found.weights, found.cost, monitor)

@@ -8,7 +8,7 @@ the difference covered the product form's error within 13 times in problems of e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,7 +40,8 @@ class Proof:
 
     @property
     def _nothing(self) -> bool:
-        return self.certificate.cost == 0.0 == self.certificate.lower_bound
+        c = self.certificate
+        return c.cost == 0.0 == c.lower_bound and not c.absolute
 
     def resolved(self, relative_gap: float) -> bool:
         """Whether rounding is smaller than a target gap, relative to the cost.
@@ -49,7 +50,7 @@ class Proof:
         """
         if self._nothing:
             return True
-        return max(self.allowance, self.difference) <= relative_gap * abs(self.certificate.cost)
+        return max(self.allowance, self.difference) <= relative_gap * self.certificate.size
 
     def remark(self, relative_gap: float) -> str:
         """What the user reads about rounding, empty where it does not matter.
@@ -58,7 +59,7 @@ class Proof:
         ----------
         relative_gap : the target, relative to the cost
         """
-        limit = relative_gap * abs(self.certificate.cost)
+        limit = relative_gap * self.certificate.size
         text = ""
         if self._nothing:
             return text
@@ -91,6 +92,8 @@ class Judged:
     gradient : (N, M) dJ/dv by the sweeps
     terms : what the cost is the sum of
     error : estimated error of J that does not come from rounding
+    offset : what the cost is more than its terms; a criterion other than the trace has its tangent as terms
+    slack : how far rounding may have moved cost and bound beside what is measured on the terms
     """
 
     weights: np.ndarray
@@ -98,9 +101,13 @@ class Judged:
     gradient: np.ndarray
     terms: Sequence[Term]
     error: float = 0.0
+    offset: float = 0.0
+    slack: float = 0.0
 
 
-def prove(policies: Sequence[Judged], feasible_set: FeasibleSet, known_bound: float = -np.inf) -> Proof:
+def prove(
+    policies: Sequence[Judged], feasible_set: FeasibleSet, known_bound: float = -np.inf, signed: bool = False
+) -> Proof:
     """Cost of a policy and the best lower bound that is known, in square-root form.
 
     Parameters
@@ -108,10 +115,18 @@ def prove(policies: Sequence[Judged], feasible_set: FeasibleSet, known_bound: fl
     policies : the policy in question, then others whose own bounds may be tighter (the relaxed optimum)
     feasible_set : the set that the bound holds for
     known_bound : a lower bound that the solver has proven in its own arithmetic, if any
+    signed : whether the cost holds a logarithm and may be negative
     """
     found, difference, spread = [], 0.0, 0.0
     for policy in policies:
         exact = certified(policy.terms, feasible_set, policy.weights)
+        exact = replace(
+            exact,
+            cost=exact.cost + policy.offset,
+            lower_bound=exact.lower_bound + policy.offset,
+            cost_allowance=exact.cost_allowance + policy.slack,
+            bound_allowance=exact.bound_allowance + policy.slack,
+        )
         own = feasible_set.bound(policy.cost, policy.weights, policy.gradient)
         difference = max(difference, abs(policy.cost - exact.cost))
         spread = max(spread, abs(own - exact.lower_bound))
@@ -124,7 +139,7 @@ def prove(policies: Sequence[Judged], feasible_set: FeasibleSet, known_bound: fl
     if final.convex:
         own = min(exact.bound_allowance for exact in found)
         bounds.append((known_bound - MIXED * max(spread, difference) - own, own))
-        if final.cost >= 0:  # no cost is negative, as q, R and W are not
+        if final.cost >= 0 and not signed:  # no cost is negative, as q, R and W are not
             bounds.append((0.0, 0.0))
     usable = [(bound, own) for bound, own in bounds if np.isfinite(bound)] or [(-np.inf, np.inf)]
     bound, allowance = max(usable)
@@ -133,6 +148,7 @@ def prove(policies: Sequence[Judged], feasible_set: FeasibleSet, known_bound: fl
     difference = difference if np.isfinite(difference) else np.inf
     allowance = max(allowance, final.cost_allowance)
     # costs and bounds may come from different meshes: that far a bound may lie above a cost
-    within = min(allowance + MESHES * error, abs(final.cost))
-    share = within / abs(final.cost) if final.cost else 0.0
-    return Proof(Certificate(final.cost, bound, max(share, ALLOWANCE)), allowance, difference, final.below)
+    within, size = allowance + MESHES * error, 1.0 if signed else abs(final.cost)
+    share = (within if signed else min(within, size)) / size if size else 0.0
+    certificate = Certificate(final.cost, bound, max(share, ALLOWANCE), signed)
+    return Proof(certificate, allowance, difference, final.below)

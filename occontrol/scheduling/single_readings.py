@@ -16,7 +16,7 @@ from occontrol.scheduling.committed import Committed
 from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.first_choices import FIXED, TreeLimits, TreeOutcome
 from occontrol.scheduling.objective import Objective
-from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, minimise_relaxed
+from occontrol.scheduling.relaxation import RelaxedOutcome, minimise_relaxed
 
 MOST_STEPS = 60  # of a node's relaxation
 MOST_BYTES = 4e8  # of open nodes
@@ -47,13 +47,13 @@ def branch_singly(
     spent = objective.backward_count + limits.gradients
     most = min(limits.nodes, int(MOST_BYTES / (10 * feasible_set.upper.size)))
     best, best_weights, nodes, finished = incumbent, None, 0, np.inf
-    options = RelaxedOptions(limits.node_gap, MOST_STEPS)
+    options = limits.relaxation(MOST_STEPS)
     single = feasible_set.upper == 1.0
     state = np.where(single, OPEN, LEFT).astype(np.int8)
     heap = [(root.lower_bound, 0, state, root.weights.astype(np.float32), _score(root.weights, root.gradient))]
     while heap and not monitor.stop and objective.backward_count < spent and nodes < most:
         lowest = heap[0][0]
-        if lowest >= best - limits.relative_gap * abs(best) or finished <= lowest:
+        if lowest >= best - limits.relative_gap * limits.size(best) or finished <= lowest:
             break
         lowest, _, state, weights, score = heapq.heappop(heap)
         k, j = np.unravel_index(np.argmax(np.where(state == OPEN, score, -1.0)), state.shape)
@@ -67,7 +67,7 @@ def branch_singly(
             if not np.any(child == OPEN):  # a whole schedule: its cost is its bound
                 whole = allowed.vertex(np.zeros(allowed.shape))
                 cost = objective.cost(whole)
-                finished = min(finished, cost - FIXED * abs(cost))
+                finished = min(finished, cost - FIXED * limits.size(cost))
             else:
                 start = allowed.project(weights.astype(float))
                 found = minimise_relaxed(objective, allowed, start, options, monitor.silent())
@@ -79,7 +79,7 @@ def branch_singly(
             if cost < best:
                 best, best_weights = cost, whole
     lower = min(heap[0][0] if heap else np.inf, finished, best)
-    closed = lower >= best - max(limits.relative_gap, FIXED) * abs(best)
+    closed = lower >= best - max(limits.relative_gap, FIXED) * limits.size(best)
     return TreeOutcome(max(lower, root.lower_bound), best_weights, best, nodes, closed)
 
 

@@ -136,8 +136,7 @@ class Sweep:
         r, N, size = self.recursion, len(self.recursion.steps), self._segment
         weights = self._on_steps(weights)
         value = self._run_forward(weights, keep=True)
-        if self._criterion is not None:
-            self._weigh(self._criterion.gradient(self._final))
+        self._turn()
         gradient = np.empty((N, r.sensors))
         if self.dense:
             P = padded(self.terminal) if self.small else self.terminal.copy()
@@ -152,6 +151,11 @@ class Sweep:
             self._backward(k0, k1, P, weights, gradient)
         self.backward_count += 1
         return value, r.by_decision(gradient)
+
+    def _turn(self) -> None:
+        """Between forward and backward: what the costate begins with, where the policy decides that."""
+        if self._criterion is not None:
+            self._weigh(self._criterion.gradient(self._final))
 
     def _backward(self, k0: int, k1: int, P: np.ndarray, weights: np.ndarray, gradient: np.ndarray) -> None:
         r = self.recursion

@@ -97,7 +97,11 @@ class _Flat:
 
 
 def minimise_with_budget(
-    objective: Objective, allowed: BudgetSet, options: RelaxedOptions, monitor: Monitor
+    objective: Objective,
+    allowed: BudgetSet,
+    options: RelaxedOptions,
+    monitor: Monitor,
+    start: np.ndarray | None = None,
 ) -> tuple[RelaxedOutcome, np.ndarray]:
     """The relaxed optimum under a budget, and schedules (P, N, M) near it to begin a search from.
 
@@ -107,16 +111,19 @@ def minimise_with_budget(
     allowed : BudgetSet
     options : of the relaxation
     monitor : Monitor
+    start : (N, M) shares to begin with, or None
 
     Where one number is all that binds, the readings of all instants are one group, and the quasi-Newton method of
     `minimise_relaxed` does it; otherwise the schedules of `minimise_by_vertices` do.
     """
     if not allowed.one_group or int(next(iter(allowed.budget.values()))) < 1:
-        return minimise_by_vertices(objective, allowed, allowed.uniform(), options, monitor)
+        whole = allowed.uniform() if start is None else start
+        return minimise_by_vertices(objective, allowed, whole, options, monitor)
     flat = _Flat(objective, allowed)
     room = flat.flat(allowed.upper)
     group = IntervalPolytopes(room, int(next(iter(allowed.budget.values()))))
-    found = minimise_relaxed(flat, group, None, options, monitor)
+    first = None if start is None else group.project(flat.flat(start))
+    found = minimise_relaxed(flat, group, first, options, monitor)
     found.weights = flat.policy(found.weights)
     found.gradient = objective.cost_and_gradient(found.weights)[1]
     return found, allowed.round(found.weights)[None]
@@ -150,7 +157,7 @@ def minimise_by_vertices(
         own = J + float(np.vdot(g, new - v))
         better, bound = own > bound, max(bound, own)
         monitor.report(iteration, J, bound)
-        target = options.relative_gap * abs(J)
+        target = options.relative_gap * abs(J) if options.absolute_gap is None else options.absolute_gap
         if J - bound <= target:
             status = Status.CERTIFIED
             break
@@ -201,7 +208,7 @@ def by_moves(
     Returns the schedule (N, M) and its J; no tried move improves it, nor two of the likely ones together.
     """
     v = start.copy()
-    J, g = sweep.cost_and_gradient(v)
+    J, (_, g) = sweep.cost(v), sweep.cost_and_gradient(v)  # the second may lie below, where a criterion is smoothed
     while not monitor.stop:
         singles = [(sweep.cost(w), w) for w in _moves(feasible_set, v, g, tried)]
         best = min(singles, key=lambda each: each[0], default=(np.inf, v))
@@ -209,8 +216,8 @@ def by_moves(
             best = _best_pair(sweep, feasible_set, v, singles)
         if not best[0] < J - LEAST * abs(J):
             break
-        v = best[1]
-        J, g = sweep.cost_and_gradient(v)
+        J, v = best
+        _, g = sweep.cost_and_gradient(v)
     return v, J
 
 

@@ -20,6 +20,7 @@ from occontrol.scheduling.criteria import (
     Schatten,
     independent_outputs,
 )
+from occontrol.scheduling.criterion_sweep import CriterionSweep
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 from occontrol.scheduling.smoothed import minimise_smoothed
 from occontrol.scheduling.sweep import Sweep
@@ -152,7 +153,7 @@ def test_no_bound_lies_above_the_best_schedule_by_the_true_criterion(kind, seed)
         assert certificate.lower_bound <= best + room
     if kind in ("largest", "smoothed"):
         worst = LargestEigenvalue(problem.output.at(0.0))
-        found = minimise_smoothed(recursion, worst, allowed, options=RelaxedOptions(1e-3))
+        found = minimise_smoothed(CriterionSweep(recursion, worst), allowed, options=RelaxedOptions(1e-3))
         assert found.status is Status.CERTIFIED
         assert found.cost == pytest.approx(true.cost(found.weights), rel=1e-13)
     else:

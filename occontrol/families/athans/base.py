@@ -12,6 +12,7 @@ from occontrol.core.method import Method
 from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.problem import BaseProblem
 from occontrol.core.sensor import Sensor, SensorSuite
+from occontrol.families.athans.criteria.statement import TRACE, CriterionChoice
 from occontrol.families.athans.rules.statement import Constraints
 
 
@@ -54,6 +55,23 @@ class AthansProblem(BaseProblem):
     edges: Kept[OptionalVectorLike, np.ndarray]
     rules: Constraints | None
     minimise: str
+    criterion: CriterionChoice | None = None
+    prior: bool = True
+
+    @property
+    def measured(self) -> bool:
+        """Whether the criterion is another one than the trace."""
+        return self.criterion is not None and self.criterion.name != TRACE
+
+    @property
+    def capped(self) -> bool:
+        """Whether the criterion is a limit that is to be kept, and no part of the cost."""
+        return self.criterion is not None and self.criterion.limit is not None
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether the cost holds a logarithm: gaps are then differences."""
+        return self.criterion is not None and self.criterion.logarithmic
 
     @property
     def discrete(self) -> bool:

@@ -75,6 +75,7 @@ def parts_of(numbers: AthansResult) -> dict[str, float]:
         "running_cost": numbers.running_cost,
         "prediction_error": numbers.prediction_error,
         "predicted_mean_square_error": numbers.predicted_mean_square_error,
+        "criterion": numbers.criterion,
         "continuous cost": None if numbers.continuous is None else numbers.continuous.cost,
     }
     return {name: float(value) for name, value in parts.items() if isinstance(value, int | float)}
@@ -91,7 +92,9 @@ def claims_of(solution: Solution) -> Claims:
     bound = None if numbers.continuous is None else numbers.continuous.lower_bound
     cost, lower = (None, None) if solution.certificate is None else (solution.cost, solution.certificate.lower_bound)
     bound, gap = (float(x) if isinstance(x, int | float) else None for x in (bound, numbers.relative_gap))
-    return Claims(cost, lower, bound, gap, parts_of(numbers), whole=numbers.proven_optimal is not None)
+    absolute = solution.certificate is not None and solution.certificate.absolute
+    whole = numbers.proven_optimal is not None
+    return Claims(cost, lower, bound, gap, parts_of(numbers), whole=whole, absolute=absolute)
 
 
 def on_common_grid(problem: SchedulingProblem, schedule: Schedule) -> tuple[SchedulingProblem, np.ndarray]:

@@ -56,15 +56,17 @@ def draw_compare(problem: AthansProblem, solutions: Mapping[str, Solution]) -> F
         places = np.arange(count)[::-1]
         right.barh(places, costs, height=0.6, color=style.ACCENT, alpha=0.85)
         for place, cost in zip(places, costs, strict=True):
-            apart = 100 * (cost - best) / abs(cost) if best == best and cost else np.nan
+            size, unit = (1.0, "") if problem.logarithmic else (abs(cost) / 100, " %")
+            apart = (cost - best) / size if best == best and size else np.nan
             # below a bound for whole readings lie only policies that split them
-            beside = "  (shares)" if apart < -SAME else f"  (+{max(apart, 0.0):.2g} %)" if apart == apart else ""
+            beside = "  (shares)" if apart < -SAME else f"  (+{max(apart, 0.0):.2g}{unit})" if apart == apart else ""
             text = f" {cost:.6g}{beside}"
             right.text(cost, place, text, va="center", fontsize=10)
         if best == best:
             right.axvline(best, color=style.SECOND, linewidth=1.5)
             right.set_title(f"cost (line: no schedule costs less than {best:.6g})")
-        right.set_xlim(0, float(np.max(costs)) * 1.45 if np.max(costs) > 0 else None)
+        low, high = min(0.0, float(np.min(costs))), max(0.0, float(np.max(costs)))
+        right.set_xlim(low, high + 0.45 * (high - low) if high > low else None)
         right.set_yticks([])
         right.spines["left"].set_visible(False)
         right.set_ylim(-0.6, count - 0.4)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from occontrol.core.solution import Solution
+from occontrol.core.solution import Solution, gap_words
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.figures_compare import sizes
 from occontrol.files.figures import style
@@ -33,7 +33,8 @@ def subtitle(problem: AthansProblem, solution: Solution) -> str:
     c = solution.numbers.top or solution.certificate
     if c is None or not np.isfinite(c.lower_bound):
         return f"{text} · cost {solution.cost:.7g}"
-    return f"{text} · cost {c.cost:.7g}, proven bound {c.lower_bound:.7g}, gap {100 * c.relative_gap:.2g} %"
+    pair = f"cost {c.cost:.7g}, proven bound {c.lower_bound:.7g}"
+    return f"{text} · {pair}, {gap_words(c.relative_gap, problem.logarithmic, 2)}"
 
 
 def _target(problem: AthansProblem) -> float | None:
@@ -44,7 +45,7 @@ def convergence(problem: AthansProblem, solution: Solution) -> Figure | None:
     """Cost from above and bound from below over the iterations of a `solution` of a `problem`; None without any."""
     figure = style.new_figure((12, 5.5), problem.name, subtitle(problem, solution))
     left, right = figure.subplots(1, 2)
-    if not convergence_panel(right, solution.history, _target(problem)):
+    if not convergence_panel(right, solution.history, _target(problem), problem.logarithmic):
         return None
     right.set_title("gap between best cost and best bound")
     cost, bound = history_columns(solution.history)
@@ -93,7 +94,7 @@ def overview(problem: AthansProblem, solution: Solution, panels: Sequence[Panel]
     lines = [*_certificate_lines(solution), *further]
     text.text(0, 0.94, "\n".join(lines), va="top", fontsize=11, linespacing=1.5)
     corner = figure.add_subplot(grid[2, 1])
-    if convergence_panel(corner, solution.history, _target(problem)):
+    if convergence_panel(corner, solution.history, _target(problem), problem.logarithmic):
         corner.set_title("convergence")
     else:
         corner.axis("off")
@@ -105,16 +106,16 @@ def _certificate_lines(solution: Solution) -> list[str]:
     c, top = solution.certificate, solution.numbers.top
     lines = [f"status {solution.status}"]
     if top is not None:
-        lines += ["", HOLDS_FOR[top.of], *_pair(top.cost, top.lower_bound, top.relative_gap)]
+        lines += ["", HOLDS_FOR[top.of], *_pair(top.cost, top.lower_bound, top.relative_gap, top.absolute)]
     if top is None or top.of == "continuous":
         bound, gap = (c.lower_bound, c.relative_gap) if c is not None else (-np.inf, np.inf)
-        lines += ["", HOLDS_FOR["grid"], *_pair(solution.cost, bound, gap)]
+        lines += ["", HOLDS_FOR["grid"], *_pair(solution.cost, bound, gap, c is not None and c.absolute)]
     return lines
 
 
-def _pair(cost: float, bound: float, gap: float) -> list[str]:
+def _pair(cost: float, bound: float, gap: float, absolute: bool = False) -> list[str]:
     lines = [f"cost {cost:.7g}"]
-    return [*lines, f"proven bound {bound:.7g}", f"gap {100 * gap:.3g} %"] if np.isfinite(bound) else lines
+    return [*lines, f"proven bound {bound:.7g}", gap_words(gap, absolute)] if np.isfinite(bound) else lines
 
 
 def compress(axes: Axes, values: np.ndarray) -> None:

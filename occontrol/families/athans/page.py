@@ -77,7 +77,8 @@ def readings_groups(problem: ReadingsProblem, solution: Solution) -> list[Group]
     switching = np.where(upper > 0, arrays["switching"], np.nan)
     panels.append(switching_panel("switching functions: price less first-order saving", "cost of a reading",
                                   times, switching, arrays["weights"], names))  # fmt: skip
-    both = np.stack([arrays["prior_covariance"][: len(times)], arrays["covariance"]], axis=1)
+    before = arrays["prior_covariance" if problem.prior else "covariance"][: len(times)]
+    both = np.stack([before, arrays["covariance"]], axis=1)
     flat = deviations(both.reshape(-1, *both.shape[2:]))
     if flat.shape[1] <= MOST_CURVES:
         title = "standard deviation of the estimation error, before and after every reading"

@@ -8,6 +8,7 @@ from typing import Self
 
 from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.result import ResultData
+from occontrol.core.solution import Certificate
 
 
 @dataclass(frozen=True)
@@ -19,12 +20,25 @@ class TopNumbers(ResultData):
     cost, lower_bound, relative_gap : of the policy
     of : "continuous", whenever a schedule switches; "grid", for schedules that change at the edges; "problem", for
         every schedule of readings
+    gap : "difference" where the cost holds a logarithm and `relative_gap` is cost - lower_bound
     """
 
     cost: float
     lower_bound: float
     relative_gap: float
     of: str
+    gap: str | None = field(default=None, metadata={"optional": True})
+
+    @property
+    def absolute(self) -> bool:
+        """Whether the gap is a difference."""
+        return self.gap is not None
+
+    @classmethod
+    def stated(cls, certificate: Certificate, of: str) -> TopNumbers:
+        """The pair of a `certificate` that holds `of` something."""
+        c = certificate
+        return cls(c.cost, c.lower_bound, c.relative_gap, of, "difference" if c.absolute else None)
 
 
 @dataclass(frozen=True)
@@ -53,7 +67,7 @@ class AthansResult(ResultData):
     ----------
     name : of the problem
     top : the pair to look at first
-    cost, lower_bound, relative_gap : of the discretised problem
+    cost, lower_bound, relative_gap : of the discretised problem; the gap is a difference where a logarithm counts
     allowance : how far rounding may have moved cost and bound, in cost units; the bound is lowered by it
     observation_cost : int sum_j q_j v_j dt, before it is weighted
     cost_weight : alpha
@@ -81,6 +95,7 @@ class AthansResult(ResultData):
     certificate_of : "problem", or "linearised" where the plant is nonlinear: cost and bound are then of the problem
         linearised along its nominal path
     nonlinearity : {readings, predictions} of the plan of a nonlinear plant, see nonlinear/index.py
+    criterion : true value of the criterion that the problem names
     schedule : [{start, end, sensors}], see Schedule.segments; [{start, end, resource, target}] for many targets
     bounds : {averaged, tree} of an infinite horizon; of many targets {relaxed, integer}: the bound that shares of
         looks prove, and the one that knows that looks are whole
@@ -126,6 +141,7 @@ class AthansResult(ResultData):
     multipliers: Mapping[str, float] | None = field(default=None, metadata={"optional": True})
     certificate_of: str = "problem"
     nonlinearity: Mapping[str, float] | None = field(default=None, metadata={"optional": True})
+    criterion: float | None = field(default=None, metadata={"optional": True})
     bounds: PlainMapping | None = field(default=None, metadata={"optional": True})
     blocks: int | None = field(default=None, metadata={"optional": True})
     targets: int | None = field(default=None, metadata={"optional": True})

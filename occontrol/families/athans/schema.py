@@ -33,6 +33,7 @@ from occontrol.families.athans.schema_parts import (
     Plant,
     Select,
     edges_of,
+    has_prior,
     or_none,
     plant_document,
     plant_of,
@@ -166,6 +167,9 @@ def build(
     least, most = select if isinstance(select, tuple) else (0, 1 if select is None else select)
     if isinstance(select, tuple) and IDLE not in document.sensors:
         sensors.append(idle_sensor(states))
+    if not has_prior(document.plant.initial):
+        what, where = "initial.covariance is none: continuous sensing needs a prior", ("plant", "initial", "covariance")
+        found.add(where, what, "a large covariance; or sensing: samples, with budget: {..}")
     if plant is None:
         raise ProblemError(found.mistakes)
     # stand-ins for what is already known to be wrong let the problem look at all the rest

@@ -20,6 +20,8 @@ from occontrol.files.schema.words import shown
 MAX_INTERVALS = 1_000_000
 RANGE = re.compile(r"\s*([0-9]{1,9})\s*\.\.\s*([0-9]{1,9})\s*", re.ASCII)
 
+NONE = "none"
+
 Select = Annotated[
     Any,
     WithJsonSchema(
@@ -37,7 +39,7 @@ Select = Annotated[
 
 class Initial(Strict):
     mean: Vector = None
-    covariance: Matrix = Field(description="covariance: {diag: [..]} or rows")
+    covariance: Matrix = Field(description="covariance: {diag: [..]}, rows, or none")
 
 
 class Plant(Strict):
@@ -79,12 +81,35 @@ def _whole(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and float(value).is_integer()
 
 
+def has_prior(initial: Initial) -> bool:
+    """Whether a file states an initial covariance, and not `none`.
+
+    Parameters
+    ----------
+    initial : as read
+    """
+    return initial.covariance != NONE
+
+
+def initial_covariance(initial: Initial, context: Context) -> np.ndarray | None:
+    """The initial covariance (n, n); None after a mistake, and where the file says that there is none.
+
+    Parameters
+    ----------
+    initial : as read
+    context : where mistakes are noted
+    """
+    if not has_prior(initial):
+        return None
+    return context.constant(initial.covariance, "plant", "initial", "covariance")
+
+
 def plant_of(entry: Plant, context: Context) -> LinearPlant | None:
     """The plant, with stand-ins for wrong parts, which are noted, as long as A can be read."""
     A = context.signal(entry.A, "plant", "A")
     parts: PlainDict = {
         "noise": context.signal(entry.noise, "plant", "noise"),
-        "covariance": context.constant(entry.initial.covariance, "plant", "initial", "covariance"),
+        "covariance": initial_covariance(entry.initial, context),
         "mean": None if entry.initial.mean is None else context.vector(entry.initial.mean, "plant", "initial", "mean"),
         "B": None if entry.B is None else context.signal(entry.B, "plant", "B"),
         "input": None if entry.input is None else context.entries(entry.input, "plant", "input"),

@@ -12,7 +12,9 @@ from occontrol.core.kinds import PlainMapping
 from occontrol.files.figures import style
 
 
-def convergence_panel(axes: Axes, history: Sequence[PlainMapping], target: float | None = None) -> bool:
+def convergence_panel(
+    axes: Axes, history: Sequence[PlainMapping], target: float | None = None, absolute: bool = False
+) -> bool:
     """How the relative gap between cost and proven bound closed.
 
     Parameters
@@ -20,6 +22,7 @@ def convergence_panel(axes: Axes, history: Sequence[PlainMapping], target: float
     axes : matplotlib Axes
     history : records {iteration, cost, lower_bound}
     target : relative gap aimed at, drawn as a line
+    absolute : whether gaps are differences and not shares: the cost holds a logarithm
 
     Returns False, and draws nothing, when there are fewer than two iterations.
     """
@@ -28,7 +31,7 @@ def convergence_panel(axes: Axes, history: Sequence[PlainMapping], target: float
         return False
     best = np.maximum.accumulate(np.where(np.isfinite(bound), bound, -np.inf))
     with np.errstate(invalid="ignore", divide="ignore"):
-        gap = (cost - best) / np.abs(cost)
+        gap = cost - best if absolute else (cost - best) / np.abs(cost)
     gap = np.where(np.isfinite(gap) & (gap > 0), gap, np.nan)
     if not np.any(np.isfinite(gap)):
         return False
@@ -47,12 +50,13 @@ def convergence_panel(axes: Axes, history: Sequence[PlainMapping], target: float
         axes.axhline(target, color=style.GREY, linestyle="--", linewidth=1)
         axes.annotate(" target", (steps[0], target), va="bottom", fontsize=9, color="#666666")
     few_decades = np.nanmax(gap) < 100 * np.nanmin(gap)
-    axes.yaxis.set_major_formatter(FuncFormatter(_percent))
+    written = FuncFormatter(_plain if absolute else _percent)
+    axes.yaxis.set_major_formatter(written)
     axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0) if few_decades else ()))
-    axes.yaxis.set_minor_formatter(FuncFormatter(_percent))
+    axes.yaxis.set_minor_formatter(written)
     axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, min_n_ticks=1))
     axes.set_xlabel("iteration")
-    axes.set_ylabel("relative gap")
+    axes.set_ylabel("cost less bound" if absolute else "relative gap")
     axes.grid(axis="y", which="both")
     if len(set(stages)) > 1:
         axes.legend(loc="upper right", fontsize=9)
@@ -61,6 +65,10 @@ def convergence_panel(axes: Axes, history: Sequence[PlainMapping], target: float
 
 def _percent(value: float, position: int | None = None) -> str:
     return f"{100 * value:.3g} %"
+
+
+def _plain(value: float, position: int | None = None) -> str:
+    return f"{value:.3g}"
 
 
 def history_columns(history: Sequence[PlainMapping]) -> tuple[np.ndarray, np.ndarray]:

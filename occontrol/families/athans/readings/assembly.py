@@ -18,6 +18,7 @@ from occontrol.families.athans.result import AthansResult, TopNumbers
 from occontrol.scheduling.certified import Term
 from occontrol.scheduling.path import step_path
 from occontrol.scheduling.proof import Judged, Proof, prove
+from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.relaxation import RelaxedOutcome
 from occontrol.scheduling.sweep import Sweep
 
@@ -41,6 +42,7 @@ class Verdict:
     relaxed_lower_bound : its bound
     further : entries of AthansResult that only some policies have
     extra : entries of one method alone
+    along : Recursion whose costate belongs to the policy; the problem's own where its trace is the criterion
     """
 
     weights: np.ndarray
@@ -54,6 +56,7 @@ class Verdict:
     relaxed_lower_bound: float
     further: PlainDict = field(default_factory=dict)
     extra: PlainDict = field(default_factory=dict)
+    along: Recursion | None = None
 
 
 def assemble(
@@ -88,7 +91,7 @@ def assemble(
         text = f"No schedule of these readings costs less than {certificate.lower_bound:.6g}."
         usual = status in (Status.CERTIFIED, Status.FEASIBLE)
         message = message or (text if usual else f"{status.text} {text}")
-        message += _remark(found, certificate) + proof.remark(found.target)
+        message += remark_on(found, certificate) + proof.remark(found.target)
     extra = dict(found.extra)
     further = {"nodes": extra.pop("nodes", None), "proven_optimal": extra.pop("proven_optimal", None)}
     bound = (relaxed.lower_bound + constant) if relaxed is not None else certificate.lower_bound
@@ -108,8 +111,9 @@ def raised(proof: Proof, constant: float) -> Proof:
     """
     inner = proof.certificate
     cost = inner.cost + constant
-    share = max(ALLOWANCE, proof.allowance / abs(cost)) if cost else 0.0
-    certificate = Certificate(cost, inner.lower_bound + constant, share)
+    size = 1.0 if inner.absolute else abs(cost)
+    share = max(ALLOWANCE, proof.allowance / size) if size else 0.0
+    certificate = Certificate(cost, inner.lower_bound + constant, share, inner.absolute)
     return Proof(certificate, proof.allowance, proof.difference, proof.below)
 
 
@@ -125,7 +129,7 @@ def checked(proof: Proof, plain: PlainCost, cost: float, status: Status, message
     """
     certificate = proof.certificate
     apart = abs(cost - certificate.cost)
-    scale = max(abs(certificate.cost), abs(plain.observation) + abs(plain.running) + abs(plain.prediction))
+    scale = max(certificate.size, abs(plain.observation) + abs(plain.running) + abs(plain.criterion))
     if certificate.contradicts:
         return Status.DISAGREES, certificate.text
     if not apart <= AGREE * scale + 10 * proof.allowance:
@@ -152,12 +156,50 @@ def collect(
     monitor : Monitor
     began : stopwatch.seconds() at the start
     """
-    r, v, relaxed, certificate = filled.recursion, verdict.weights, verdict.relaxed, verdict.proof.certificate
+    r, v, relaxed = filled.recursion, verdict.weights, verdict.relaxed
     rows, on = r.on_steps(v), r.on_steps(verdict.on)
-    path, units = step_path(r, v), filled.units.inverse
-    schedule = problem.make_schedule(problem.edges, on)
+    path, units = step_path(verdict.along or r, v), filled.units.inverse
+    lengths = r.by_decision(np.ones(len(r.steps)))
+    arrays = {
+        "times": problem.clock.times,
+        "edges": problem.edges,
+        "weights": on,
+        **({} if verdict.on is v else {"measuring": rows}),
+        "covariance": units.covariance(path.after),
+        "prior_covariance": units.covariance(np.concatenate([path.before, path.final[None]])),
+        "costate": units.weight(path.costate),
+        "switching": r.on_steps(verdict.gradient / lengths[:, None]),
+        "gain": reading_gains(problem, rows, units.covariance(path.after)),
+    }
+    if relaxed is not None:
+        arrays["relaxed_weights"] = r.on_steps(relaxed.weights)
     final = float(np.vdot(r.terminal, path.final))
-    top = TopNumbers(certificate.cost, certificate.lower_bound, certificate.relative_gap, "problem")
+    return collect_numbers(problem, name, filled, verdict, plain, arrays, monitor, began, final)
+
+
+def collect_numbers(
+    problem: ReadingsProblem, name: str, filled: Filled, verdict: Verdict, plain: PlainCost,
+    arrays: dict[str, np.ndarray], monitor: Monitor, began: float, final: float | None = None,
+) -> Solution:  # fmt: skip
+    """The Solution of a policy with the arrays that are given.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem
+    name : of the method
+    filled : the problem as a recursion
+    verdict : what is known of the policy
+    plain : what the plain filter says of it
+    arrays : by name, for example edges (N+1,)
+    monitor : Monitor
+    began : stopwatch.seconds() at the start
+    final : tr(W S); the plain filter's if None
+    """
+    r, relaxed, certificate = filled.recursion, verdict.relaxed, verdict.proof.certificate
+    on = r.on_steps(verdict.on)
+    schedule = problem.make_schedule(problem.edges, on)
+    final = plain.prediction if final is None else final
+    top = TopNumbers.stated(certificate, "problem")
     numbers = AthansResult(
         name=problem.name,
         top=top,
@@ -185,22 +227,9 @@ def collect(
         sweeps=dict(relaxed.sweeps) if relaxed is not None else {},
         extra=verdict.extra,
         schedule=schedule.segments(),
+        criterion=None if problem.criterion is None else plain.criterion,
         **verdict.further,
     )
-    lengths = r.by_decision(np.ones(len(r.steps)))
-    arrays = {
-        "times": problem.clock.times,
-        "edges": problem.edges,
-        "weights": on,
-        **({} if verdict.on is v else {"measuring": rows}),
-        "covariance": units.covariance(path.after),
-        "prior_covariance": units.covariance(np.concatenate([path.before, path.final[None]])),
-        "costate": units.weight(path.costate),
-        "switching": r.on_steps(verdict.gradient / lengths[:, None]),
-        "gain": reading_gains(problem, rows, units.covariance(path.after)),
-    }
-    if relaxed is not None:
-        arrays["relaxed_weights"] = r.on_steps(relaxed.weights)
     return make_solution(
         problem=problem,
         method=name,
@@ -226,8 +255,14 @@ def _judged(sweep: Sweep, weights: np.ndarray) -> Judged:
     return Judged(weights, J, g, [Term(1.0, sweep.recursion)])
 
 
-def _remark(found: Found, certificate: Certificate) -> str:
-    """What a wide gap comes from."""
+def remark_on(found: Found, certificate: Certificate) -> str:
+    """What a wide gap comes from.
+
+    Parameters
+    ----------
+    found : by a method
+    certificate : of it
+    """
     if certificate.relative_gap <= WEAK or found.relaxed is None:
         return ""
     return (

@@ -7,15 +7,17 @@ import dataclasses
 import numpy as np
 
 from occontrol.core.claims import Claims, false_claims
-from occontrol.core.errors import ProblemError
+from occontrol.core.errors import ProblemError, UsageError
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.certify import parts_of
+from occontrol.families.athans.criteria.design import judge_design
+from occontrol.families.athans.criteria.readings import judge_measured
 from occontrol.families.athans.readings.fill import feasible_set
 from occontrol.families.athans.readings.filter import weights_on
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.readings.ruled import certify_ruled
-from occontrol.families.athans.readings.solve import judged, rounded_cost
+from occontrol.families.athans.readings.solve import NO_RULES, judged, rounded_cost
 from occontrol.files.segments import as_read
 
 SAME = 1e-9
@@ -31,8 +33,11 @@ def certify(problem: ReadingsProblem, schedule: Schedule, claims: Claims | None 
     claims : what somebody says of it; refuted claims make the status `disagrees`
 
     Returns a Solution with method "certify". Raises ProblemError when the schedule has other instants, changes inside
-    an epoch, breaks a window or a rule, or reads too many or too few sensors.
+    an epoch, breaks a window or a rule, or reads too many or too few sensors; UsageError for rules beside a criterion
+    that is not the trace.
     """
+    if problem.measured and problem.ruled:
+        raise UsageError(NO_RULES)
     if problem.ruled:
         return certify_ruled(problem, on_decisions(problem, weights_on(problem, as_read(schedule, problem))), claims)
     problem.require_feasible()
@@ -40,11 +45,15 @@ def certify(problem: ReadingsProblem, schedule: Schedule, claims: Claims | None 
     if mistakes := feasible_set(problem).check(weights):
         raise ProblemError(mistakes)
     gap = getattr(problem.method, "relative_gap", 1e-4)
-    solution, found = judged(problem, weights, gap)
+    if problem.measured or not problem.prior:
+        solution, lowest = (judge_measured if problem.prior else judge_design)(problem, weights, gap)
+        found = None
+    else:
+        solution, found = judged(problem, weights, gap)
     if claims is None or solution.certificate is None:
         return solution
     # a bound that knows readings are whole may lie above the relaxed cost: only schedules refute it
-    lowest = min(solution.certificate.cost, rounded_cost(problem, found))
+    lowest = min(solution.certificate.cost, rounded_cost(problem, found) if found is not None else lowest)
     refuted = false_claims(claims, solution.certificate.cost, lowest, None, parts_of(solution.numbers))  # type: ignore[arg-type]
     if refuted:
         return dataclasses.replace(solution, status=Status.DISAGREES, message="; ".join(refuted))

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from occontrol.core.kinds import PlainMapping
+from occontrol.families.athans.criteria.schema import CriterionKeys
 from occontrol.families.athans.rules.schema import ConstraintKeys, SensorKeys
 from occontrol.families.athans.schema_parts import Initial, Plant, Select, sensor_kind
 from occontrol.files.schema.common import Expect, Labels, Matrix, Method, ProblemDocument, Strict, Whole
@@ -38,7 +39,7 @@ class StepsPlant(Strict):
     F: Matrix = Field(description="F: a list of rows")
     G: Matrix = None
     Q: Matrix = Field(description="Q: the covariance of the plant noise")
-    initial: Initial = Field(description="initial: {mean: .., covariance: ..}")
+    initial: Initial = Field(description="initial: {mean: .., covariance: ..}, covariance: none for no prior")
 
 
 class StepsSensor(SensorKeys):
@@ -80,6 +81,7 @@ class ReadingsObjective(Strict):
     running: Matrix = None
     running_at: str | None = Field(None, description="running_at: posterior, prior, or integral (samples)")
     minimise: Literal["cost", "error", "observation"] = "cost"
+    criterion: CriterionKeys | None = None
 
 
 class ReadingsDocument(ProblemDocument):

@@ -34,9 +34,9 @@ def draw(problem: ReadingsProblem, solution: Solution) -> dict[str, Figure]:
     with style.house_style():
         figures = {
             "overview": overview(
-                problem, solution, (_draw_schedule, _draw_states, _draw_switching), _counts(problem, solution)
+                problem, solution, (draw_schedule, _draw_states, _draw_switching), counts_of(problem, solution)
             ),
-            "schedule": _one(problem, solution, _draw_schedule, min(10.0, 2.2 + 0.36 * min(len(problem.sensors), 30))),
+            "schedule": _one(problem, solution, draw_schedule, min(10.0, 2.2 + 0.36 * min(len(problem.sensors), 30))),
             "deviations": _one(problem, solution, _draw_states, 6.0 + style.rows_height(problem.states)),
             "switching": _one(problem, solution, _draw_switching, 6.0 + style.rows_height(len(problem.sensors))),
         }
@@ -68,8 +68,16 @@ def _map(axes: Axes, problem: ReadingsProblem, values: np.ndarray, names: Sequen
         axes.set_xlim(-shift, float(problem.edges[-1]) - shift)
 
 
-def _draw_schedule(axes: Axes, problem: ReadingsProblem, solution: Solution, label: bool = True) -> None:
-    """A dot for every reading; pale bars where a sensor may be read."""
+def draw_schedule(axes: Axes, problem: ReadingsProblem, solution: Solution, label: bool = True) -> None:
+    """A dot for every reading; pale bars where a sensor may be read.
+
+    Parameters
+    ----------
+    axes : to draw on
+    problem : of readings
+    solution : with a schedule
+    label : whether the axis of time is labelled
+    """
     names = [name for name in problem.sensors.names if name != IDLE]
     colours = dict(zip(problem.sensors.names, style.sensor_colours(problem.sensors.names), strict=True))
     times, weights = problem.clock.times, solution.arrays["weights"]
@@ -136,8 +144,8 @@ def _draw_switching(axes: Axes, problem: ReadingsProblem, solution: Solution, la
         axes.scatter(times[np.nonzero(taken)[0]] + shift, np.nonzero(taken)[1], s=size, color=style.SECOND, lw=0)
 
 
-def _counts(problem: ReadingsProblem, solution: Solution) -> list[str]:
-    """How often each sensor is read."""
+def counts_of(problem: ReadingsProblem, solution: Solution) -> list[str]:
+    """How often each sensor is read in a `solution` of a `problem`."""
     counts = np.sum(solution.arrays["weights"], axis=0)
     named = zip(problem.sensors.names, counts, strict=True)
     return ["", "readings", *[f"{style.shorten(name)}: {x:.4g}" for name, x in named if name != IDLE][:MOST_COUNTED]]

@@ -115,8 +115,8 @@ def _samples(problem: ReadingsProblem, S0: np.ndarray) -> tuple[np.ndarray, np.n
     return spans.transition, spans.noise, spans.charge[1:], before
 
 
-def terminal_weight(problem: ReadingsProblem) -> tuple[np.ndarray, float]:
-    """W (n, n) on the last covariance of the recursion, and what the noise until predict_at adds through the output.
+def terminal_output(problem: ReadingsProblem) -> tuple[np.ndarray, float]:
+    """The outputs (p, n) of the recursion's last covariance, and what the noise until predict_at adds to their trace.
 
     Parameters
     ----------
@@ -124,15 +124,24 @@ def terminal_weight(problem: ReadingsProblem) -> tuple[np.ndarray, float]:
     """
     D = problem.output.at(problem.output_at)
     if problem.discrete:
-        return D.T @ D, 0.0
+        return D, 0.0
     if (known := problem.gaps) is not None:
-        predicted = D @ known.transition[-1]
-        return predicted.T @ predicted, float(np.trace(D @ known.noise[-1] @ D.T))
+        return D @ known.transition[-1], float(np.trace(D @ known.noise[-1] @ D.T))
     start, last = problem.clock.start, cast(SampleTimes, problem.clock).since[-1:]
     at = np.array([float(problem.predict_at or 0.0) - start])
     F, Q = transitions(problem.plant.A, problem.plant.noise, np.minimum(last, at), at, start)
-    predicted = D @ F[0]
-    return predicted.T @ predicted, float(np.trace(D @ Q[0] @ D.T))
+    return D @ F[0], float(np.trace(D @ Q[0] @ D.T))
+
+
+def terminal_weight(problem: ReadingsProblem) -> tuple[np.ndarray, float]:
+    """W (n, n) on the last covariance of the recursion, and what the noise until predict_at adds through the output.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem
+    """
+    output, after = terminal_output(problem)
+    return output.T @ output, after
 
 
 def feasible_set(problem: ReadingsProblem) -> IntervalPolytopes:

@@ -27,6 +27,18 @@ if TYPE_CHECKING:
     from occontrol.files.page import Group
 
 
+def refuse(problem: ReadingsProblem, what: str) -> None:
+    """UsageError for what needs an initial covariance.
+
+    Parameters
+    ----------
+    problem : of readings
+    what : the name of that
+    """
+    if not problem.prior:
+        raise UsageError(f"{what} needs an initial covariance, and this problem has none")
+
+
 class ReadingsFamily(RateFamily):
     """Which sensors give a reading at every instant."""
 
@@ -64,8 +76,11 @@ class ReadingsFamily(RateFamily):
 
     def figures(self, problem: ReadingsProblem, solution: Solution) -> dict[str, Figure]:
         """overview, and the panels of it by themselves."""
+        from occontrol.families.athans.criteria.figures import draw_design
         from occontrol.families.athans.readings.figures import draw
 
+        if not problem.prior:
+            return draw_design(problem, solution)
         return draw(problem, solution)
 
     def groups(self, problem: ReadingsProblem, solution: Solution) -> list[Group]:
@@ -92,6 +107,7 @@ class ReadingsFamily(RateFamily):
         """A true trajectory of the plant at the readings, and what the scheduled sensors report of it."""
         from occontrol.families.athans.readings.filter import simulate
 
+        refuse(problem, "simulate")
         return simulate(problem, schedule_of(solution), seed)
 
     def run_filter(
@@ -104,11 +120,16 @@ class ReadingsFamily(RateFamily):
     ) -> Estimate:
         """The Kalman filter and predictor along the schedule; `gate` leaves improbable readings out.
 
-        Raises UsageError for a `model` other than exact: readings need no other.
+        Raises UsageError for a `model` other than exact: readings need no other; without a prior for a gate.
         """
+        from occontrol.families.athans.criteria.design_filter import run_information_filter
         from occontrol.families.athans.readings.filter import run_filter
 
         _require_exact(model)
+        if not problem.prior:
+            if gate is not None:
+                raise UsageError("without a prior there is nothing to gate by\n  hint: leave the gate out")
+            return run_information_filter(problem, schedule_of(solution), measurements)
         return run_filter(problem, schedule_of(solution), measurements, gate)
 
     def online(
@@ -116,13 +137,14 @@ class ReadingsFamily(RateFamily):
     ) -> MatchedFilter:
         """The filter for a loop on a target, along the solution's schedule: one step a reading time.
 
-        Raises UsageError without a solution.
+        Raises UsageError without a solution, and without a prior.
         """
         from occontrol.families.athans.readings.filter import matched_filter
 
         if solution is None:
             what = "the on-line filter of family athans follows the schedule of a solution"
             raise UsageError(f"{what}\n  hint: online(problem, solve(problem))")
+        refuse(problem, "the on-line filter")
         return matched_filter(problem, schedule_of(solution))
 
     def filter_loop(
@@ -132,24 +154,30 @@ class ReadingsFamily(RateFamily):
         from occontrol.families.athans.readings.filter import matched_filter
 
         _require_exact(model)
+        refuse(problem, "the filter step by step")
         return matched_filter(problem, schedule_of(solution), gate)
 
     def filter_tables(self, problem: ReadingsProblem, solution: Solution) -> PlainDict:
         """The filter as plain arrays, see filter/tables.py."""
         from occontrol.families.athans.readings.filter import reading_tables
 
-        return {} if solution.schedule is None else reading_tables(problem, solution.schedule)
+        return {} if solution.schedule is None or not problem.prior else reading_tables(problem, solution.schedule)
 
     def target_plan(self, problem: ReadingsProblem, solution: Solution) -> TargetPlan:
         """The `solution`'s schedule of a `problem` and its filter, for code on a target."""
         from occontrol.families.athans.readings.filter import reading_target
 
+        refuse(problem, "code on a target")
         return reading_target(problem, schedule_of(solution))
 
     def tradeoff(self, problem: ReadingsProblem, cost_weights: Sequence[float], monitor: Monitor) -> Front:
-        """Observation cost against prediction error over the cost weight alpha."""
+        """Observation cost against prediction error over the cost weight alpha; UsageError for other criteria."""
         from occontrol.families.athans.readings.tradeoff import tradeoff
 
+        refuse(problem, "tradeoff")
+        if problem.measured:
+            what = f"tradeoff does not do the criterion {problem.criterion.name}"  # type: ignore[union-attr]
+            raise UsageError(f"{what}\n  hint: solve with several values of objective.cost_weight")
         return tradeoff(problem, cost_weights, monitor)
 
     def sensitivity(

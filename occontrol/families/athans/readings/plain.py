@@ -16,6 +16,7 @@ from typing import cast
 import numpy as np
 
 from occontrol.core.signal import Signal
+from occontrol.families.athans.criteria.plain import counts, is_peak, plain_value
 from occontrol.families.athans.readings.clock import SampleTimes
 from occontrol.families.athans.readings.problem import ReadingsProblem
 
@@ -30,16 +31,18 @@ class PlainCost:
 
     Parameters
     ----------
-    cost : observation + running + prediction
+    cost : observation + running + criterion
     observation : alpha times the prices of the readings
     running : sum or integral of tr(R S)
     prediction : tr(W S)
+    criterion : the criterion's value, tr(W S) unless the problem has another; a peak with a limit is no part of `cost`
     """
 
     cost: float
     observation: float
     running: float
     prediction: float
+    criterion: float
 
 
 def plain_cost(problem: ReadingsProblem, weights: np.ndarray) -> PlainCost:
@@ -55,7 +58,8 @@ def plain_cost(problem: ReadingsProblem, weights: np.ndarray) -> PlainCost:
     C = [s.C.sample(times) for s in problem.sensors]
     noise = [s.noise.sample(times) for s in problem.sensors]
     prices = np.column_stack([s.cost.sample(times)[:, 0, 0] for s in problem.sensors])
-    gaps, running = _Gaps(problem), 0.0
+    gaps, running, peaks = Gaps(problem), 0.0, []
+    outputs = problem.output.sample(times) if is_peak(problem.criterion) else None
     S = problem.plant.covariance.astype(kind)
     if not problem.discrete:
         S, charged = gaps.across(0, S)
@@ -64,20 +68,27 @@ def plain_cost(problem: ReadingsProblem, weights: np.ndarray) -> PlainCost:
     for k in range(len(times)):
         if R is not None and problem.running_at == "prior":
             running += float(np.sum(R[k] * S))
+        if outputs is not None and counts(problem.criterion, "prior", times[k]):
+            peaks.append(float(np.sum((outputs[k] @ S) * outputs[k])))
         for j in np.flatnonzero(weights[k] > 0):
             if problem.sensors[j].rows:
                 S = _read(S, C[j][k].astype(kind), noise[j][k] / weights[k, j], kind)
         if R is not None and problem.running_at == "posterior":
             running += float(np.sum(R[k] * S))
+        if outputs is not None and counts(problem.criterion, "posterior", times[k]):
+            peaks.append(float(np.sum((outputs[k] @ S) * outputs[k])))
         if k < len(times) - 1 or problem.at == "predicted":
             S, charged = gaps.across(k + (not problem.discrete), S)
             running += charged
     D = problem.output.at(problem.output_at).astype(kind)
     if not problem.discrete:
         D = D @ gaps.beyond
-    prediction = float(np.sum((D @ S) * D))
+    X = D @ S @ D.T
+    prediction = float(np.trace(X))
     observation = problem.cost_weight * float(np.sum(prices * weights))
-    return PlainCost(observation + running + prediction, observation, running, prediction)
+    value = prediction if problem.criterion is None else plain_value(problem.criterion, X, peaks)
+    charged = 0.0 if problem.criterion is not None and problem.criterion.limit is not None else value
+    return PlainCost(observation + running + charged, observation, running, prediction, value)
 
 
 def _read(S: np.ndarray, C: np.ndarray, noise: np.ndarray, kind: type) -> np.ndarray:
@@ -98,8 +109,13 @@ def _read(S: np.ndarray, C: np.ndarray, noise: np.ndarray, kind: type) -> np.nda
     return S
 
 
-class _Gaps:
-    """The plant from one instant to the next."""
+class Gaps:
+    """The plant from one instant to the next.
+
+    Parameters
+    ----------
+    problem : of readings
+    """
 
     def __init__(self, problem: ReadingsProblem):
         self._problem, plant = problem, problem.plant
@@ -119,8 +135,12 @@ class _Gaps:
         last = float(problem.predict_at or 0.0) - start
         self.beyond = _integrated(problem, since[-1:], np.array([max(last, since[-1])]), False)[0][0]
 
+    def transition(self, k: int) -> np.ndarray:
+        """F or Phi (n, n) of gap `k`."""
+        return self._F[k] if self._problem.discrete else self._Phi[k]
+
     def across(self, k: int, S: np.ndarray) -> tuple[np.ndarray, float]:
-        """S after gap k, and what the running integral charged on it."""
+        """S, (n, n), after gap `k`, and what the running integral charged on it."""
         if self._problem.discrete:
             Q = self._Q[k] if self._G is None else self._G[k] @ self._Q[k] @ self._G[k].T
             F = self._F[k].astype(S.dtype)

@@ -22,7 +22,9 @@ from occontrol.core.reading_schedule import ReadingSchedule
 from occontrol.core.sensor import IDLE, Sensor, SensorSuite, idle_sensor
 from occontrol.core.signal import Signal, TableSignal, as_signal
 from occontrol.families.athans.base import AthansProblem
-from occontrol.families.athans.readings.checks import missed_readings, selection, values
+from occontrol.families.athans.criteria.statement import PEAK, CriterionChoice
+from occontrol.families.athans.criteria.statement import mistakes_of as wrong_criterion
+from occontrol.families.athans.readings.checks import missed_readings, selection, values, wrong_without_prior
 from occontrol.families.athans.readings.clock import SampleTimes, Steps
 from occontrol.families.athans.readings.feasible import require_budget, require_places
 from occontrol.families.athans.readings.known_gaps import KnownGaps
@@ -55,6 +57,8 @@ class ReadingsProblem(AthansProblem):
     expect : {source, cost, tolerance}, the known answer, if any
     rules : Constraints on whole schedules, counted in steps; of samples those without times
     minimise : "cost", "error" (running and output), or "observation"
+    criterion : CriterionChoice of the outputs' covariance; None is its trace
+    prior : False where nothing is known before the readings: the plant's covariance is then not looked at
 
     Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
     """
@@ -75,6 +79,8 @@ class ReadingsProblem(AthansProblem):
     expect: PlainMapping | None = None
     rules: Constraints | None = None
     minimise: str = "cost"
+    criterion: CriterionChoice | None = None
+    prior: bool = True
     family: str = field(default="athans", init=False)
     takes_readings: ClassVar[bool] = True
     warnings: tuple[str, ...] = field(default=(), init=False, repr=False)
@@ -102,6 +108,7 @@ class ReadingsProblem(AthansProblem):
         least, most = self.select
         if (least < most or self.opens) and not any(s.is_idle for s in self.sensors):
             set_(self, "sensors", SensorSuite((*self.sensors, idle_sensor(self.plant.states))))
+        found.mistakes += [*wrong_criterion(self), *wrong_without_prior(self)]
         found.mistakes += wrong_rules(self.rules, self.minimise, self.sensors, self.places, self.discrete, self.budget)
         if not (np.isfinite(self.cost_weight) and self.cost_weight >= 0):
             what = f"cost_weight is {self.cost_weight:g}, it must be finite and not negative"
@@ -177,7 +184,8 @@ class ReadingsProblem(AthansProblem):
         if path[0] == "sensors":
             return float(times[0]), float(times[-1])
         if path[-1] == "output":
-            return self.output_at, self.output_at
+            peak = self.criterion is not None and self.criterion.name == PEAK
+            return (float(times[0]), float(times[-1])) if peak else (self.output_at, self.output_at)
         if self.discrete:
             return 0.0, float(times[-1])
         return self.clock.start, self.clock.end if path[-1] == "running" else float(self.predict_at or 0.0)

@@ -9,6 +9,8 @@ from occontrol.core.kinds import PlainDict
 from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal, Signal
+from occontrol.families.athans.criteria.schema import choice_of
+from occontrol.families.athans.criteria.statement import PEAK
 from occontrol.families.athans.growth import beyond_numbers
 from occontrol.families.athans.methods import ALL_METHODS
 from occontrol.families.athans.nonlinear.documents import FormulaSamplesDocument, FormulaStepsDocument
@@ -27,7 +29,16 @@ from occontrol.families.athans.readings.documents import (
 )
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.rules.schema import constraints
-from occontrol.families.athans.schema_parts import labels_document, or_none, plant_document, plant_of, select_of
+from occontrol.families.athans.schema_parts import (
+    NONE,
+    has_prior,
+    initial_covariance,
+    labels_document,
+    or_none,
+    plant_document,
+    plant_of,
+    select_of,
+)
 from occontrol.files.schema.common import (
     Context,
     options_document,
@@ -79,6 +90,8 @@ def build(document: StepsDocument | SamplesDocument, context: Context) -> Readin
         expect=expect,
         rules=constraints(document.constraints, document.sensors),
         minimise=objective.minimise,
+        criterion=choice_of(objective.criterion),
+        prior=has_prior(document.plant.initial),
     )
     found.raise_if_any()
     if not problem.discrete:
@@ -110,17 +123,18 @@ def _system(
 def _output(
     objective: ReadingsObjective, predict_at: float | None, states: int, variable: str, context: Context
 ) -> Signal:
-    """D; zero where only a running weight counts."""
+    """D; zero where only a running weight counts, all states where a peak does."""
     nothing = ConstantSignal(np.zeros((1, states)))
     if objective.output is not None:
         return context.signal(objective.output, "objective", "output", variable=variable) or nothing
-    if objective.running is None:
+    peak = objective.criterion is not None and objective.criterion.name == PEAK
+    if objective.running is None and not peak:
         hint = "output: the rows D of what is to be predicted, or running: a weight at every reading"
         context.found.add(("objective",), "objective has neither 'output' nor 'running'", hint, True)
     elif predict_at is not None:
         what = "predict_at is given without an output that is predicted"
         context.found.add(("horizon", "predict_at"), what, "add objective.output, or leave predict_at out", True)
-    return nothing
+    return ConstantSignal(np.eye(states)) if peak else nothing
 
 
 def _sample_times(horizon: SamplesHorizon, context: Context) -> SampleTimes | None:
@@ -151,7 +165,7 @@ def steps_plant(entry: StepsPlant, context: Context) -> DiscretePlant | None:
         key: None if value is None else context.signal(value, "plant", key, variable="k")
         for key, value in (("F", entry.F), ("G", entry.G), ("Q", entry.Q))
     }
-    covariance = context.constant(entry.initial.covariance, "plant", "initial", "covariance")
+    covariance = initial_covariance(entry.initial, context)
     mean = None if entry.initial.mean is None else context.vector(entry.initial.mean, "plant", "initial", "mean")
     if signals["F"] is None:
         return None
@@ -243,7 +257,10 @@ def document(problem: ReadingsProblem) -> PlainDict:
         "running": or_none(problem.running),
         "running_at": None if problem.running is None else problem.running_at,
         "minimise": None if problem.minimise == "cost" else problem.minimise,
+        "criterion": None if problem.criterion is None else problem.criterion.document(),
     }
+    if not problem.prior:
+        system["initial"] = {"mean": plant.mean.tolist(), "covariance": NONE}
     result = {
         "family": "athans",
         "name": problem.name,

@@ -6,7 +6,7 @@ import numpy as np
 
 from occontrol.core.errors import Mistake, plural
 from occontrol.core.sensor import IDLE
-from occontrol.core.solution import Solution
+from occontrol.core.solution import Solution, gap_words
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.result import AthansResult
 from occontrol.families.athans.rules.prices import prices
@@ -50,6 +50,10 @@ def describe(problem: ReadingsProblem) -> list[tuple[str, str]]:
     ]
     if open_:
         found.append(("availability", "inside windows: " + ", ".join(open_)))
+    if problem.criterion is not None:
+        found.append(("criterion", problem.criterion.text))
+    if not problem.prior:
+        found.append(("prior", "none: nothing is known before the readings"))
     if problem.budget is not None:
         found.append(("budget", ", ".join(f"{key} {value}" for key, value in problem.budget.items())))
     if problem.ruled:
@@ -76,9 +80,13 @@ def summarise(problem: ReadingsProblem, solution: Solution) -> list[tuple[str, s
         ("cost", f"{r.cost:.8g}"),
         (
             "lower bound",
-            f"{r.lower_bound:.8g}   gap {100 * r.relative_gap:.3g} %, for every schedule of these readings",
+            f"{r.lower_bound:.8g}   {gap_words(r.relative_gap, problem.logarithmic)}, "
+            "for every schedule of these readings",
         ),
     ]
+    if problem.criterion is not None and r.criterion is not None:
+        lines.append(("criterion", f"{r.criterion:.8g}, {problem.criterion.text}"))
+    lines += equivalence(r)
     if r.relaxed_lower_bound < r.lower_bound:
         lines.append(("relaxed bound", f"{r.relaxed_lower_bound:.8g}, which may split readings"))
     if r.constraints is not None:
@@ -88,7 +96,11 @@ def summarise(problem: ReadingsProblem, solution: Solution) -> list[tuple[str, s
         lines += prices(r)
     observed = f"observation {r.observation_cost:.6g} x {r.cost_weight:g}"
     changed = f", changes {r.switching_cost:.6g}" if r.switching_cost else ""
-    lines.append(("parts", f"{observed}, running {r.running_cost:.6g}, prediction {r.prediction_error:.6g}{changed}"))
+    last = f"prediction {r.prediction_error:.6g}"
+    if problem.measured and r.criterion is not None:
+        last = f"criterion {r.criterion:.6g} (not in the cost)" if problem.capped else f"criterion {r.criterion:.6g}"
+        last += f"; trace at the end {r.prediction_error:.6g}"
+    lines.append(("parts", f"{observed}, running {r.running_cost:.6g}{changed}, {last}"))
     if solution.schedule is not None:
         used = np.sum(solution.schedule.weights, axis=0)
         counts = [
@@ -98,6 +110,23 @@ def summarise(problem: ReadingsProblem, solution: Solution) -> list[tuple[str, s
         ]
         lines.append(("readings", ", ".join(counts) or "none"))
     return lines
+
+
+def equivalence(numbers: AthansResult) -> list[tuple[str, str]]:
+    """The check of the General Equivalence Theorem for problems without a prior, in one line.
+
+    Parameters
+    ----------
+    numbers : of a solution
+    """
+    check = numbers.extra.get("equivalence")
+    if not isinstance(check, dict):
+        return []
+    if "used_save_at_least" not in check:
+        return [("equivalence", f"the shares are within {check['excess']:.3g} of where no reading could do better")]
+    used, others = check["used_save_at_least"], check["others_save_at_most"]
+    text = f"every reading that the shares use saves {used:.6g} or more, every other {others:.6g} or less"
+    return [("equivalence", f"{text} (at the optimum the second is not above the first)")]
 
 
 def warnings_of(problem: ReadingsProblem) -> list[Mistake]:

@@ -1,0 +1,192 @@
+"""Schedules whose peak stays below a limit: the least peak, the cheapest of those that keep it, and bounds of both.
+
+With the price rho of exceeding the limit,  J = cost + rho mu log(1 + sum_i exp((f_i - e)/mu)),  and from any policy
+
+    cost(w) >= cost.w + sum_i l_i (f_i(w) - e)      for every schedule w that keeps the limit,
+
+whatever rho is. rho grows until the relaxed policy keeps the limit; the best bound on the way counts. Schedules are
+improved with a rho so large that no saving is worth exceeding the limit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from occontrol.core.errors import InfeasibleError, SolveFailed
+from occontrol.core.method import Method
+from occontrol.core.monitor import Monitor
+from occontrol.core.solution import Status
+from occontrol.families.athans.criteria.every import every_schedule
+from occontrol.families.athans.criteria.search import WORK, Doable, Hunted, hunt, improved, relax, require_method
+from occontrol.families.athans.found import STEPS_FOR_BOUND, Found
+from occontrol.families.athans.methods import Exact, Relaxed, RelaxRoundPolish
+from occontrol.scheduling.budget import BudgetSet
+from occontrol.scheduling.criterion_sweep import LowerModel
+from occontrol.scheduling.feasible_set import IntervalPolytopes
+from occontrol.scheduling.peak import PeakSweep
+
+KEEPS = 1e-9  # of the limit, by which rounding may exceed it
+GROWTH, ROUNDS = 4.0, 14  # of rho
+ROUGH, ROUGH_STEPS = 1e-2, 150  # gap and steps of the relaxations on the way to it
+SEARCHED, SECONDS = 200_000, 20  # nodes and time for a schedule that keeps the limit
+EXCESS = 100.0  # times what all readings may cost: the price of exceeding the limit by the whole of it
+
+
+def hunt_below(
+    objective: PeakSweep, limit: float, allowed: IntervalPolytopes, method: Method, monitor: Monitor
+) -> Hunted:
+    """What a method finds among the schedules that keep a limit of the peak.
+
+    Parameters
+    ----------
+    objective : the peak, without the limit
+    limit : e
+    allowed : IntervalPolytopes, perhaps with a budget
+    method : of the family
+    monitor : Monitor
+
+    Raises InfeasibleError with the least peak where no schedule keeps the limit, SolveFailed where none was found.
+    """
+    method = require_method(method, isinstance(allowed, BudgetSet))
+    monitor = monitor.child(getattr(method, "time_limit", None))
+    monitor.stage = "least peak"
+    free = _without_prices(objective)
+    peak, tangents = relax(free, allowed, monitor, 1e-3, getattr(method, "max_iterations", STEPS_FOR_BOUND))
+    del tangents
+    if peak.lower_bound > limit * (1 + KEEPS):
+        if not isinstance(method, RelaxRoundPolish):
+            raise _unreachable(limit, peak.lower_bound, None)
+        best = hunt(free, allowed, RelaxRoundPolish(exact=method.exact), monitor).found
+        free.cost(best.weights)
+        raise _unreachable(limit, max(best.bound, peak.lower_bound), free.criterion_value)
+    capped, relaxed, bounding = _relaxed(objective, limit, allowed, peak.weights, method, monitor)
+    found = Found(relaxed.weights, relaxed.iterations, relaxed.status, "", relaxed, target=method.relative_gap)
+    hunted = Hunted(found, bounding)
+    if isinstance(method, Relaxed):
+        found.proves = True
+        return hunted
+    sure = capped.with_limit(limit, _price(objective, limit))
+    if isinstance(method, RelaxRoundPolish):
+        found.proves = True
+        _cheapest(objective, sure, limit, allowed, peak.weights, method, hunted, monitor)
+    else:
+        found.weights = hunt(sure, allowed, method, monitor).found.weights
+    sure.cost(found.weights)
+    if sure.criterion_value > limit * (1 + KEEPS):
+        if isinstance(method, RelaxRoundPolish):
+            raise SolveFailed(
+                f"no schedule was found whose peak is at most {limit:g}: the best has {sure.criterion_value:.8g}, none "
+                f"can have less than {peak.lower_bound:.8g}\n  hint: a larger limit, or exact: true of method schedule"
+            )
+        found.message = (
+            f"The schedule of {method.name} does not keep the limit: its peak is {sure.criterion_value:.8g}, "
+            f"the limit {limit:g}."
+        )
+        found.status = Status.INFEASIBLE
+    return hunted
+
+
+def _relaxed(
+    objective: PeakSweep, limit: float, allowed: IntervalPolytopes, start: np.ndarray, method: Doable, monitor: Monitor
+):
+    """The objective with the rho found, the relaxation with the best bound, and the tangents that prove it."""
+    objective.cost(start)
+    rho = max(_most(objective), 1e-6 * limit) / limit
+    best, tangents, kept, rough = None, [], None, max(ROUGH, method.relative_gap)
+    for _ in range(ROUNDS):
+        capped = objective.with_limit(limit, rho)
+        found, proofs = relax(capped, allowed, monitor, rough, ROUGH_STEPS, start)
+        capped.cost(found.weights)
+        inside = capped.criterion_value <= limit * (1 + max(method.relative_gap, KEEPS))
+        if best is None or found.lower_bound > best.lower_bound:
+            best, tangents = found, proofs[1:] or proofs
+        kept, start = found if inside else kept, found.weights
+        if inside or monitor.stop:
+            break
+        rho *= GROWTH
+    assert best is not None
+    if kept is not None and rough > method.relative_gap and not monitor.stop:
+        capped = objective.with_limit(limit, rho)
+        kept, proofs = relax(capped, allowed, monitor, method.relative_gap, STEPS_FOR_BOUND, start)
+        if kept.lower_bound > best.lower_bound:
+            best, tangents = kept, proofs[1:] or proofs
+    if kept is not None and kept is not best:
+        bound = max(best.lower_bound, kept.lower_bound)
+        best = replace(kept, lower_bound=bound)
+    return objective.with_limit(limit, rho), best, tangents
+
+
+def _cheapest(
+    objective: PeakSweep,
+    sure: PeakSweep,
+    limit: float,
+    allowed: IntervalPolytopes,
+    least: np.ndarray,
+    method: RelaxRoundPolish,
+    hunted: Hunted,
+    monitor: Monitor,
+) -> None:
+    """The cheapest schedule that keeps the limit; InfeasibleError where the least peak is above it."""
+    found = hunted.found
+    relaxed = found.weights
+    exact = method.exact_options is not None
+    if every_schedule(sure, allowed, found, WORK, monitor, method.branch_first is not False or exact):
+        sure.cost(found.weights)
+        if sure.criterion_value > limit * (1 + KEEPS):  # the price is so high that the least peak is not missed
+            every = Found(found.weights, 0, found.status)
+            free = _without_prices(objective)
+            every_schedule(free, allowed, every, WORK, monitor, True)
+            free.cost(every.weights)
+            raise _unreachable(limit, every.bound, free.criterion_value)
+        return
+    free = _without_prices(objective)
+    hard = RelaxRoundPolish(exact=True if exact else None, polish=max(method.polish, 50))
+    lowest = hunt(free, allowed, hard, monitor)
+    free.cost(lowest.found.weights)
+    peak, bound = free.criterion_value, max(lowest.found.bound, -np.inf)
+    if lowest.found.relaxed is not None:
+        bound = max(bound, lowest.found.relaxed.lower_bound)
+    if bound > limit * (1 + KEEPS):
+        raise _unreachable(limit, bound, peak)
+    if peak > limit * (1 + KEEPS) and not exact:  # perhaps a tree knows better
+        limits = {"relative_gap": Exact().relative_gap, "max_nodes": SEARCHED, "time_limit": SECONDS}
+        lowest = hunt(free, allowed, RelaxRoundPolish(exact=limits), monitor)
+        free.cost(lowest.found.weights)
+        peak, bound = free.criterion_value, max(bound, lowest.found.bound)
+        if bound > limit * (1 + KEEPS):
+            raise _unreachable(limit, bound, peak)
+    starts = [lowest.found.weights]
+    found.weights, _ = improved(sure, LowerModel(sure, relaxed), allowed, relaxed, method.polish, monitor, starts)
+
+
+def _without_prices(objective: PeakSweep) -> PeakSweep:
+    """The peak alone."""
+    r = objective.recursion
+    return PeakSweep(
+        replace(r, cost=np.zeros_like(r.cost), running=np.zeros((0, r.states, r.states)), charge=None),
+        objective.watched, objective.smoothing,
+    )  # fmt: skip
+
+
+def _most(objective: PeakSweep) -> float:
+    """What a schedule may cost: prices of the dearest choices."""
+    return float(np.sum(np.max(objective.recursion.decision_cost, axis=1, initial=0.0)))
+
+
+def _price(objective: PeakSweep, limit: float) -> float:
+    """rho for which no saving is worth exceeding the limit by more than a share KEEPS of it."""
+    return EXCESS * max(_most(objective), limit, 1.0) / (limit * 1e-6)
+
+
+def _unreachable(limit: float, bound: float, peak: float | None) -> InfeasibleError:
+    if peak is None:
+        least = f"no schedule has a peak below {bound:.8g}"
+    elif peak - bound <= 1e-6 * peak:
+        least = f"the least peak is {peak:.8g}"
+    else:
+        least = f"the least peak lies between {bound:.8g} and {peak:.8g}"
+    return InfeasibleError(
+        f"no schedule keeps the peak at or below {limit:g}: {least}\n  hint: a larger limit, or more or better readings"
+    )
