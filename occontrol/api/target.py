@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from occontrol.api.files import document, read_run
 from occontrol.api.problems import family_of
 from occontrol.core.errors import UsageError
+from occontrol.core.state_labels import state_labels
 from occontrol.core.target import TargetPlan
 
 if TYPE_CHECKING:
@@ -106,5 +107,7 @@ def _target(run: str | Path, given: dict[str, object], known: tuple[str, ...], t
     chosen = Options(**options)  # type: ignore[arg-type]
     problem, solution = read_run(run)
     plan = family_of(problem).target_plan(problem, solution)
+    if plan.model is not None and len(state_labels(problem)) == plan.model.states:
+        plan = replace(plan, states=tuple(state_labels(problem)))
     title = f"{problem.name}; family {problem.family}, method {solution.method}"
     return _Target(plan, chosen, name, title, problem_digest(document(problem)))

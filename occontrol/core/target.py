@@ -63,6 +63,7 @@ class TargetPlan:
     predicted_for : the time of the prediction in words, such as " at t = 12"; empty where nobody says
     model : TargetModel, or None where the family has no filter for a target
     why : the reason where there is none
+    states : names of the states, with their units; () where nobody says
     """
 
     edges: np.ndarray
@@ -74,6 +75,7 @@ class TargetPlan:
     predicted_for: str = ""
     model: TargetModel | None = None
     why: str = ""
+    states: tuple[str, ...] = ()
 
     @property
     def intervals(self) -> int:

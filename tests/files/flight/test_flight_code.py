@@ -14,7 +14,7 @@ from occontrol.core.errors import UsageError
 from occontrol.files.export.flight import texts_of
 from occontrol.files.export.flight.content import Options, make_content
 from occontrol.files.export.flight.reference import ReferenceFilter, Status
-from occontrol.files.export.flight.text import check_prefix, prefix_of
+from occontrol.files.export.flight.text import check_prefix, enumerators, prefix_of
 from tests.files.flight.machine import CC, COMPILERS, Machine, built, needs_compiler, selftest, written
 from tests.files.flight.plans import random_plan
 
@@ -187,6 +187,8 @@ def test_the_schedule_is_looked_up_by_number_and_by_name(tmp_path: Path) -> None
     code = Machine(tmp_path, content).code
     header = (tmp_path / "oc_filter.h").read_text()
     assert "OC_SENSOR_RADAR_1 = 0, /* radar-1 */" in header and "OC_SENSOR_RADAR_1_1 = 1  /* radar 1 */" in header
+    assert "OC_STATE_X3 = 2  /* x3 */" in header
+    assert enumerators("S_", ["a", "a [m]", "A_1", "a", "vx [m/s]"]) == ["S_A", "S_A_1", "S_A_1_1", "S_A_2", "S_VX"]
     in_use, first, count = (ctypes.c_uint8 * 2)(), ctypes.c_uint32(), ctypes.c_uint32()
     for k, active in enumerate(plan.active):
         assert code.oc_in_use(k, in_use) == 0

@@ -7,11 +7,13 @@ the lines /*?flag*/ and /*.*/, which are kept where every flag holds (!flag: doe
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from importlib.resources import files
 
 import numpy as np
 
 from occontrol.core.errors import UsageError
+from occontrol.core.state_labels import default_names
 from occontrol.files.export.c_text import comment
 from occontrol.files.export.flight.content import Content
 from occontrol.files.export.flight.tables import Table
@@ -145,24 +147,32 @@ def _sizes(content: Content, digest: str) -> str:
 
 
 def _enums(content: Content) -> str:
-    lines = ["typedef enum {"]
-    names = enumerators("OCC_SENSOR_", content.plan.names)
-    lines += [f"    {key} = {j}{',' if j + 1 < len(names) else ' '} /* {comment(name)} */"
-              for j, (key, name) in enumerate(zip(names, content.plan.names, strict=True))]  # fmt: skip
-    return "\n".join([*lines, "} occ_sensor;"])
+    plan, text = content.plan, _enum("sensor", content.plan.names)
+    if plan.model is None:
+        return text
+    return f"{text}\n\n{_enum('state', plan.states or default_names(plan.model.states))}"
 
 
-def enumerators(head: str, names: tuple[str, ...]) -> list[str]:
+def _enum(kind: str, names: Sequence[str]) -> str:
+    keys = enumerators(f"OCC_{kind.upper()}_", names)
+    lines = [f"    {key} = {j}{',' if j + 1 < len(keys) else ' '} /* {comment(name)} */"
+             for j, (key, name) in enumerate(zip(keys, names, strict=True))]  # fmt: skip
+    return "\n".join(["typedef enum {", *lines, f"}} occ_{kind};"])
+
+
+def enumerators(head: str, names: Sequence[str]) -> list[str]:
     """Identifiers of C for names that may hold anything, all different.
 
     Parameters
     ----------
     head : what they begin with
-    names : in any letters
+    names : in any letters; a unit in brackets is left out
     """
     found: list[str] = []
-    for j, name in enumerate(names):
-        key = head + re.sub(r"[^A-Z0-9]", "_", name.upper().encode("ascii", "replace").decode())[:40]
-        found.append(key if key not in found else f"{key}_{j}")
+    for name in names:
+        plain = re.sub(r" \[.*\]$", "", name).upper().encode("ascii", "replace").decode()
+        key = head + re.sub(r"[^A-Z0-9]", "_", plain)[:40]
+        others = (f"{key}_{i}" for i in range(1, len(names) + 1))
+        found.append(key if key not in found else next(other for other in others if other not in found))
     return found
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
+from occontrol.core.state_labels import default_names
 from occontrol.files.export.flight.content import Content
 
 
@@ -49,16 +50,22 @@ def variables(content: Content) -> list[Variable]:
     p = plan.model.outputs if plan.model else 0
     found = [Variable("time", 0, "real", "independent", "Time")]
 
+    states = plan.states or default_names(n)
+
     def row(name: str, key: str, size: int, kind: str, causality: str, text: str) -> None:
         found.extend(
-            Variable(f"{name}[{i + 1}]", first[key] + i, kind, causality, text.format(i + 1)) for i in range(size)
+            Variable(f"{name}[{i + 1}]", first[key] + i, kind, causality, text.replace("#", str(i + 1)))
+            for i in range(size)
         )
 
-    row("z", "Z", m, "real", "input", "Value {} of the sensors in use, one sensor after the other")
-    row("valid", "VALID", m, "flag", "input", "Whether value {} has arrived")
-    row("x", "X", n, "real", "output", "Estimate of state {}")
-    row("sd_x", "SD_X", n, "real", "output", "Its standard deviation")
-    row("w", "W", p, "real", "output", f"Prediction of output {{}}{plan.predicted_for}")
+    row("z", "Z", m, "real", "input", "Value # of the sensors in use, one sensor after the other")
+    row("valid", "VALID", m, "flag", "input", "Whether value # has arrived")
+    for i, state in enumerate(states):
+        found.append(Variable(f"x[{i + 1}]", first["X"] + i, "real", "output", f"Estimate of {state}"))
+    for i, state in enumerate(states):
+        text = f"Standard deviation of the estimate of {state}"
+        found.append(Variable(f"sd_x[{i + 1}]", first["SD_X"] + i, "real", "output", text))
+    row("w", "W", p, "real", "output", f"Prediction of output #{plan.predicted_for}")
     row("sd_w", "SD_W", p, "real", "output", "Its standard deviation")
     found.append(Variable("nis", first["NIS"], "real", "output", "Normalised innovation squared of the last values"))
     for j, name in enumerate(plan.names):
