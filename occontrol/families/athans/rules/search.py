@@ -166,7 +166,7 @@ def _scheduled(work: Work, method: RelaxRoundPolish) -> Outcome:
     if exact is not None:
         options = TreeOptions(exact.relative_gap, exact.max_nodes, options.moves, exact.max_nodes)
         watch = work.monitor.child(exact.time_limit)
-    search, tree = searched(work.task, work.relaxed, options, watch, _seeds(work), work.allowed)
+    search, tree = searched(work.task, work.relaxed, options, watch, seeds_of(work), work.allowed)
     if tree.best is None:
         if tree.complete and np.isinf(tree.lower_bound):
             raise refusal(_NONE, blamed(work.frame, work.task.rules))
@@ -190,7 +190,7 @@ def _without_rules(work: Work) -> float:
     return slewing_bound(work.relaxed.lower_bound, work.task, work.frame.upper)
 
 
-def _seeds(work: Work) -> list[Plan]:
+def seeds_of(work: Work) -> list[Plan]:
     """The schedule of an earlier solution, and what comes nearest to the rounded relaxation."""
     task = work.task
     plans = [nearest(task, work.allowed.round(work.relaxed.weights))]
