@@ -1,4 +1,4 @@
-"""Write the JSON Schemas that the package ships for editors: families/*/schema.json.
+"""Write the JSON Schemas that the package ships for editors: families/*/schema.json, and families/schema.json for all.
 
     .venv/bin/python scripts/write_schemas.py
 """
@@ -11,8 +11,8 @@ from occontrol.files.schema.json_schema import text
 
 
 def main() -> None:
-    """Write the schema of every family into the package."""
-    for name in names():
+    """Write the schema of every family, and that of all together, into the package."""
+    for name in [*names(), None]:
         shipped_schema(name).write_text(text(json_schema(name)), encoding="utf-8")
         print(shipped_schema(name))
 

@@ -57,14 +57,17 @@ def document(problem: BaseProblem) -> PlainDict:
     return family_of(problem).schema().document(problem)
 
 
-def json_schema(family: str) -> PlainDict:
-    """The JSON Schema of the problem files of the family called `family`, with its methods and their options."""
+def json_schema(family: str | None = None) -> PlainDict:
+    """The JSON Schema of the problem files of a family, with its methods and their options; None is any family."""
     from occontrol.files.problem_file import documents_of
     from occontrol.files.schema.json_schema import json_schema as schema_of
+    from occontrol.files.schema.json_schema import union_schema
 
+    if family is None:
+        return union_schema({name: json_schema(name) for name in names()})
     found = find_family(family)
     methods = {**found.methods, **found.further_methods}
-    return schema_of(f"occontrol problem: {family}", documents_of(found.schema()), methods)
+    return schema_of(family, documents_of(found.schema()), methods)
 
 
 def write_run(
@@ -131,11 +134,11 @@ def read_schedule(path: str | Path, problem: BaseProblem) -> Schedule:
 
     Raises ProblemError with every mistake as file:line, FileAccessError when the file cannot be read.
     """
-    from occontrol.files import data_files, looks
+    from occontrol.files import looks, schedule_file
 
     if looks.is_of_looks(problem):
         return looks.read_looks(path, problem, read_run)  # type: ignore[arg-type]
-    return data_files.read_schedule(path, problem, read_run)
+    return schedule_file.read_schedule(path, problem, read_run)
 
 
 def read_measurements(path: str | Path, problem: BaseProblem | None = None) -> list[Measurement]:
@@ -144,14 +147,15 @@ def read_measurements(path: str | Path, problem: BaseProblem | None = None) -> l
     Parameters
     ----------
     path : CSV with the columns t, sensor, z1, z2, ..; empty fields at the end of a line where a sensor has fewer values
-    problem : when given, names and numbers of values are compared with its sensors
+    problem : when given, names and numbers of values are compared with its sensors, and t may be a date where its
+        horizon has a date
 
     An empty or NaN value is a missing one: it is NaN in `values`.
     Raises ProblemError with every mistake as file:line, FileAccessError when the file cannot be read.
     """
-    from occontrol.files import data_files
+    from occontrol.files import measurement_file
 
-    return data_files.read_measurements(path, problem)
+    return measurement_file.read_measurements(path, problem)
 
 
 def export_run(run: str | Path, to: str, out: str | Path | None = None, **options: Any) -> list[Path]:

@@ -26,7 +26,7 @@ app = typer.Typer(
     name="occontrol",
     help=HELP,
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -34,6 +34,7 @@ app = typer.Typer(
 COMMANDS = {
     "list": problems.list_all,
     "init": problems.init,
+    "schema": problems.schema,
     "check": problems.check,
     "solve": solve.solve,
     "certify": certify.certify,

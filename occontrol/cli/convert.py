@@ -7,13 +7,17 @@ from typing import Annotated
 
 import typer
 
+from occontrol.cli.complete import complete_family
 from occontrol.cli.output import note
 from occontrol.cli.solve import ProblemFile
 
 
 def convert(
     file: ProblemFile,
-    to: Annotated[str, typer.Option("--to", metavar="FAMILY", help="The family to convert to.")],
+    to: Annotated[
+        str,
+        typer.Option("--to", metavar="FAMILY", help="The family to convert to.", autocompletion=complete_family),
+    ],
     out: Annotated[
         Path | None, typer.Option("--out", help="Where to write it [default: FILE's name with the family, .json].")
     ] = None,

@@ -7,15 +7,27 @@ from typing import Annotated
 
 import typer
 
+from occontrol.cli.complete import complete_format, complete_run
 from occontrol.cli.output import note, print_pairs
 
-RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", show_default=False)]
+RunFolder = Annotated[
+    Path, typer.Argument(metavar="RUN", help="Run folder.", show_default=False, autocompletion=complete_run)
+]
 DISAGREES = 7
 
 
 def export(
     run: RunFolder,
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, json, ..., flight, fmu", show_default=False)],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="FORMAT",
+            help="csv, json, ..., flight, fmu",
+            show_default=False,
+            autocompletion=complete_format,
+        ),
+    ],
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File or folder [default: inside the run folder].")
     ] = None,

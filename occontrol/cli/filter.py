@@ -35,6 +35,10 @@ def filter_measurements(
         float | None,
         typer.Option("--gate", metavar="P", help="Leave out samples farther off than that, such as 0.9999 (athans)."),
     ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option("--tolerance", metavar="T", help="How far times may lie from the schedule's, in its unit."),
+    ] = None,
     truth: Annotated[
         Path | None,
         typer.Option("--truth", metavar="CSV", help="True states [default: MEASUREMENTS' name.truth.csv, if there]."),
@@ -46,6 +50,8 @@ def filter_measurements(
     With - a line {"t": .., "readings": {"NAME": [..]}} on standard input gives a line of answer on standard output.
     """
     from occontrol.api import family_of, read_measurements, read_run, run_filter
+    from occontrol.core.calendar import calendar_of
+    from occontrol.core.irregular import expected_times, moved
     from occontrol.core.state_labels import state_names
     from occontrol.files.atomic import refuse_same
     from occontrol.files.run_record import refuse_run_files
@@ -65,15 +71,17 @@ def filter_measurements(
     refuse_same([out], [measurements, source])
     refuse_run_files(run, out)
     problem, solution = read_run(run)
-    samples = read_measurements(measurements, problem)
+    samples, shifted = read_measurements(measurements, problem), ""
     try:
+        if tolerance is not None:
+            samples, shifted = moved(samples, expected_times(problem), tolerance)
         estimate = run_filter(problem, solution, samples, **options)
     except ProblemError as error:
         raise ProblemError([_in_file(m, measurements) for m in error.mistakes]) from None
     known = None if source is None else read_truth(source, estimate.times, estimate.mean.shape[1])
     nees = None if known is None else judge_run(estimate, known).nees[0]
-    write_estimate(out, estimate, state_names(problem), nees)
-    for remark in estimate.notes:
+    write_estimate(out, estimate, state_names(problem), nees, calendar_of(problem))
+    for remark in [shifted] * bool(shifted) + list(estimate.notes):
         note(remark)
     if known is not None:
         note(family_of(problem).truth_remark(estimate, known, source))

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from occontrol.cli.complete import complete_run
 from occontrol.cli.output import note
 from occontrol.cli.solve import ProblemFile, default_folder, run_method
 
@@ -17,7 +18,12 @@ def simulate(
         Path, typer.Option("--out", "-o", metavar="CSV", help="Measurement file to write.", show_default=False)
     ],
     run: Annotated[
-        Path | None, typer.Option("--run", help="Run whose schedule is followed [default: runs/FILE's name, or solve].")
+        Path | None,
+        typer.Option(
+            "--run",
+            help="Run whose schedule is followed [default: runs/FILE's name, or solve].",
+            autocompletion=complete_run,
+        ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random generator.")] = 0,
 ) -> int:
@@ -25,6 +31,7 @@ def simulate(
     from occontrol.api import is_run_of, read_problem, read_run
     from occontrol.api import simulate as call_simulate
     from occontrol.cli.watch import watched
+    from occontrol.core.calendar import calendar_of
     from occontrol.core.errors import FileAccessError, ProblemError
     from occontrol.core.state_labels import state_names
     from occontrol.files.atomic import refuse_same
@@ -54,7 +61,7 @@ def simulate(
         if monitor.interrupted:
             raise KeyboardInterrupt
     measurements, truth = call_simulate(problem, solution, seed)
-    write_measurements(out, measurements)
-    write_truth(beside, truth, state_names(problem))
+    write_measurements(out, measurements, calendar_of(problem))
+    write_truth(beside, truth, state_names(problem), calendar_of(problem))
     note(f"{len(measurements)} measurements in {out}, the truth in {beside}")
     return 0

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from occontrol.cli.complete import complete_method
 from occontrol.cli.output import note, print_json, print_pairs
 from occontrol.core.kinds import PlainDict
 from occontrol.core.problem import BaseProblem
@@ -27,7 +28,10 @@ StrictFlag = Annotated[bool, typer.Option("--strict", help="Warnings are mistake
 
 def solve(
     file: ProblemFile,
-    method: Annotated[str | None, typer.Option("--method", "-m", help="Method, instead of the file's.")] = None,
+    method: Annotated[
+        str | None,
+        typer.Option("--method", "-m", help="Method, instead of the file's.", autocompletion=complete_method),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder [default: runs/FILE's name].")] = None,
     json: JsonFlag = False,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw the figures.")] = True,

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rich.live import Live
 
 RECENT = 40
+EVERY = 10.0  # seconds between two lines of progress where there is no terminal
 PATIENCE = 0.5  # seconds in which nothing is said
 SHOW_CURSOR = b"\r\n\x1b[?25h"
 _pending: threading.Timer | None = None
@@ -62,6 +63,7 @@ def watched(log: Path | None = None) -> Iterator[Watched]:
 @contextmanager
 def _signals(monitor: Watched) -> Iterator[None]:
     display = _display(monitor)
+    lines = None if display is not None else _Lines(monitor)
     previous: dict[int, Any] = {}
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -85,12 +87,31 @@ def _signals(monitor: Watched) -> Iterator[None]:
         if display is not None:
             hush()
             display.start()
+        if lines is not None:
+            lines.start()
         yield
     finally:
         if display is not None:
             display.stop()
+        if lines is not None:
+            lines.done.set()
         for each, handler in previous.items():
             signal.signal(each, handler)
+
+
+class _Lines(threading.Thread):
+    """One line of progress every so often, for log files and pipes."""
+
+    def __init__(self, monitor: Watched):
+        super().__init__(daemon=True)
+        self.monitor, self.done = monitor, threading.Event()
+
+    def run(self) -> None:
+        while not self.done.wait(EVERY):
+            try:
+                print(progress_text(self.monitor), file=sys.stderr, flush=True)
+            except (OSError, ValueError):  # nobody reads any more
+                return
 
 
 @contextmanager

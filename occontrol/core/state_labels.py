@@ -13,7 +13,7 @@ from occontrol.core.expression import reserved
 
 LONGEST = 40
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
-_COLUMNS = re.compile(r"(sd_.*|w[0-9]+(_now)?|nis|utc|start|end|sensors?|time|x[0-9]+)", re.ASCII)
+_COLUMNS = re.compile(r"(sd_.*|w[0-9]+(_now)?|nis|nees|utc|start|end|sensors?|time|x[0-9]+)", re.ASCII)
 
 
 def default_names(count: int) -> list[str]:

@@ -55,9 +55,12 @@ def template(name: str) -> Path:
     return Path(__file__).parent / name / "template.yaml"
 
 
-def shipped_schema(name: str) -> Path:
-    """The JSON Schema that the family called `name` ships for editors; scripts/write_schemas.py writes it."""
-    return Path(__file__).parent / name / "schema.json"
+def shipped_schema(name: str | None = None) -> Path:
+    """The JSON Schema that the family called `name` ships for editors; None is that of all families together.
+
+    scripts/write_schemas.py writes them.
+    """
+    return Path(__file__).parent / (name or "") / "schema.json"
 
 
 def find_family(name: str) -> Family:

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from occontrol.core.errors import FileAccessError, Mistake, ProblemError
+from occontrol.core.errors import Collector, FileAccessError, Mistake, ProblemError, one_per_cause
 from occontrol.core.errors import Path as Place
 from occontrol.core.problem import BaseProblem
 from occontrol.files.positions import Text, at
@@ -38,16 +38,21 @@ class LoadedDocument:
             raise self.text.placed(error.mistakes) from None
 
     def build_unplaced(self, check: Callable[[BaseProblem], list[Mistake]] | None = None) -> BaseProblem:
-        """The same; mistakes carry paths into the document, not yet lines."""
+        """The same; the mistakes of its ProblemError carry paths into the document, not yet lines."""
         from occontrol.files.schema.common import Context
+        from occontrol.files.schema.dates import with_times
         from occontrol.files.schema.validation import validate
 
-        context = Context(self.text.data, self.path.parent, self.path.stem)
+        found = Collector()
+        data, calendar = with_times(self.text.data, found)
+        if found.mistakes:
+            raise ProblemError(one_per_cause([*self.text.mistakes, *found.mistakes]))
+        context = Context(data, self.path.parent, self.path.stem, calendar)
         context.found.mistakes += self.text.mistakes
         lacking: set[Place] = set()
         several = documents_of(self.schema)
-        model = several[0] if len(several) == 1 else self.schema.model_for(self.text.data)
-        document = validate(model, self.text.data, context.found, lacking)
+        model = several[0] if len(several) == 1 else self.schema.model_for(data)
+        document = validate(model, data, context.found, lacking)
         said = list(context.found.mistakes)
         with context.found.under():
             problem = self.schema.build(document, context)

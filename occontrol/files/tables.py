@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from occontrol.core.calendar import Calendar
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.state_labels import default_names
 from occontrol.core.trajectory import Trajectory
@@ -34,26 +35,49 @@ def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Sequence
     return Path(path)
 
 
+def dated(
+    header: Sequence[str], rows: Iterable[Sequence[object]], calendar: Calendar | None
+) -> tuple[list[str], Iterable[Sequence[object]]]:
+    """Header and rows with the date of the first column in a second one, utc; as they are without a calendar.
+
+    Parameters
+    ----------
+    header : column names, that of time first
+    rows : texts and numbers
+    calendar : of the problem, or None
+    """
+    if calendar is None:
+        return list(header), rows
+    return [header[0], "utc", *header[1:]], ([row[0], calendar.utc(_time(row[0])), *row[1:]] for row in rows)
+
+
+def _time(entry: object) -> float:
+    return float(entry)  # type: ignore[arg-type]
+
+
 def _field(entry: object) -> str:
     if isinstance(entry, float | np.floating):
         return repr(float(entry)) if np.isfinite(entry) else ""
     return str(entry) if isinstance(entry, Numbers) else as_text(str(entry))
 
 
-def write_measurements(path: str | Path, measurements: Sequence[Measurement]) -> Path:
+def write_measurements(path: str | Path, measurements: Sequence[Measurement], calendar: Calendar | None = None) -> Path:
     """Write a measurement file: t, sensor, z1, z2, ..
 
     Parameters
     ----------
     path : the file
     measurements : list of Measurement
+    calendar : adds the column utc
     """
     width = max((len(m.values) for m in measurements), default=1)
     rows = ([float(m.time), m.sensor, *m.values, *[""] * (width - len(m.values))] for m in measurements)
-    return write_table(path, ["t", "sensor", *(f"z{i + 1}" for i in range(width))], rows)
+    return write_table(path, *dated(["t", "sensor", *(f"z{i + 1}" for i in range(width))], rows, calendar))
 
 
-def write_truth(path: str | Path, truth: Trajectory, names: Sequence[str] = ()) -> Path:
+def write_truth(
+    path: str | Path, truth: Trajectory, names: Sequence[str] = (), calendar: Calendar | None = None
+) -> Path:
     """Write a true trajectory: t, x1, x2, ..
 
     Parameters
@@ -61,13 +85,19 @@ def write_truth(path: str | Path, truth: Trajectory, names: Sequence[str] = ()) 
     path : the file
     truth : Trajectory with values (N+1, n)
     names : of the states; x1, x2, .. if left out
+    calendar : adds the column utc
     """
     names = names or default_names(truth.values.shape[1])
-    return write_table(path, ["t", *names], ([float(t), *x] for t, x in zip(truth.times, truth.values, strict=True)))
+    rows = ([float(t), *x] for t, x in zip(truth.times, truth.values, strict=True))
+    return write_table(path, *dated(["t", *names], rows, calendar))
 
 
 def write_estimate(
-    path: str | Path, estimate: Estimate, names: Sequence[str] = (), nees: np.ndarray | None = None
+    path: str | Path,
+    estimate: Estimate,
+    names: Sequence[str] = (),
+    nees: np.ndarray | None = None,
+    calendar: Calendar | None = None,
 ) -> Path:
     """Write what a filter found: t, x1.., sd_x1.., w1.., sd_w1.., nis, and where known w1_now.., sd_w1_now.., nees.
 
@@ -77,6 +107,7 @@ def write_estimate(
     estimate : Estimate with K rows
     names : of the states, in place of x1, x2, ..
     nees : (K,) normalised estimation error squared, where the truth is known
+    calendar : adds the column utc
     """
     p, names = estimate.predicted.shape[1], names or default_names(estimate.mean.shape[1])
     header = ["t", *names, *(f"sd_{name}" for name in names)]
@@ -88,4 +119,4 @@ def write_estimate(
         parts += [estimate.output, estimate.output_deviation]
     if nees is not None:
         header, parts = [*header, "nees"], [*parts, nees[:, None]]
-    return write_table(path, header, np.hstack(parts))
+    return write_table(path, *dated(header, np.hstack(parts), calendar))

@@ -11,9 +11,8 @@ import numpy as np
 from occontrol.core.clock import tolerance
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.trajectory import Trajectory
+from occontrol.files.csv_lines import MAX_BYTES, UTC_COLUMNS
 from occontrol.files.problem_file import read_text
-
-MAX_BYTES = 64 * 2**20
 
 
 def read_truth(path: str | Path, times: np.ndarray, states: int) -> Trajectory:
@@ -28,6 +27,8 @@ def read_truth(path: str | Path, times: np.ndarray, states: int) -> Trajectory:
     Raises ProblemError as file:line, FileAccessError when the file cannot be read.
     """
     rows = list(csv.reader(io.StringIO(read_text(Path(path), MAX_BYTES, "file of true states"), newline="")))
+    unread = {i for i, field in enumerate(rows[0]) if field.strip().lower() in UTC_COLUMNS} if rows else set()
+    rows = [[field for i, field in enumerate(row) if i not in unread] for row in rows] if unread else rows
     values = np.empty((max(len(rows) - 1, 0), states + 1))
     for i, row in enumerate(rows[1:]):
         try:

@@ -1,8 +1,8 @@
 """YAML -> plain data and places, read as a stream of events.
 
-Tags, anchors, aliases, deep nesting and further documents are refused before anything is built from them, and nothing
-is ever constructed but dicts, lists, words and numbers. Scalars follow the core schema of YAML 1.2: 1e-3 is a number,
-'on' is a word; numbers of more than 15 digits become floats.
+Tags, deep nesting and further documents are refused before anything is built from them, and nothing is ever constructed
+but dicts, lists, words and numbers. What an alias brings in is copied and counted, see anchors.py. Scalars follow the
+core schema of YAML 1.2: 1e-3 is a number, 'on' is a word; numbers of more than 15 digits become floats.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.kinds import Plain
+from occontrol.files.anchors import MERGE, Anchors, merge
 from occontrol.files.number_blocks import DEEPEST, MARK, Block, Shortened, cut
 from occontrol.files.positions import MAX_DEPTH, Inside, Place, Text, at, number
 
@@ -68,7 +69,7 @@ class _Builder:
         self.mistakes: list[Mistake] = []
         # one frame for each open collection: (data, places, key waiting for its value and the key's place, own place)
         self.stack: list[list[Plain]] = []
-        self.path: list[str | int] = []
+        self.anchors = Anchors(self.fail)
         self.documents = 0
 
     def fail(self, event: Event, what: str, hint: str = "") -> ProblemError:
@@ -83,14 +84,13 @@ class _Builder:
 
         for event in events:
             if isinstance(event, kinds.AliasEvent):
-                raise self.fail(event, f"the alias '*{event.anchor}' is not allowed", "write the value out")
-            if isinstance(event, kinds.DocumentStartEvent):
+                value, place = self.anchors.copy(event, len(self.stack))
+                self.add(event, value, place.inside)
+            elif isinstance(event, kinds.DocumentStartEvent):
                 self.documents += 1
                 if self.documents > 1:
                     raise self.fail(event, "a second document begins here", "one problem per file: remove '---'")
             elif isinstance(event, kinds.ScalarEvent | kinds.CollectionStartEvent):
-                if event.anchor is not None:
-                    raise self.fail(event, f"the anchor '&{event.anchor}' is not allowed", "write the value out")
                 if event.tag is not None:
                     raise self.fail(event, f"the tag '{_short(event.tag)}' is not allowed", "remove the tag")
                 if isinstance(event, kinds.ScalarEvent):
@@ -100,8 +100,12 @@ class _Builder:
                         raise self.fail(event, f"nested deeper than {MAX_DEPTH} levels")
                     mapping = isinstance(event, kinds.MappingStartEvent)
                     self.stack.append(self.add(event, {} if mapping else [], {} if mapping else []))
+                    self.stack[-1].append(self.anchors.begin(event))
             elif isinstance(event, kinds.CollectionEndEvent):
-                self.stack.pop()
+                value, inside, _, place, anchor = self.stack.pop()
+                if isinstance(value, dict) and MERGE in value:
+                    self.mistakes += merge(self.file, value, inside)
+                self.anchors.keep(anchor, value, place)
         return Text(self.file, self.data, self.all_places, self.mistakes)
 
     def all_places(self) -> Place:
@@ -115,6 +119,8 @@ class _Builder:
             self.block(event, top)
             return
         if top is not None and isinstance(top[0], dict) and top[2] is None:
+            if event.anchor is not None:
+                raise self.fail(event, f"the anchor '&{event.anchor}' stands before a key", "put it before the value")
             top[2] = (event.value, self.position(event))
             if len(top[0]) >= MOST_KEYS:
                 raise self.fail(event, f"more than {MOST_KEYS} keys in one mapping")
@@ -123,12 +129,15 @@ class _Builder:
                 what, place = f"the key '{event.value}' stands twice", f"{self.file}:{top[2][1][0]}:{top[2][1][1]}"
                 self.mistakes.append(Mistake((), what, f"it stands already in line {first}", place=place))
             return
-        self.add(event, _value(event.value) if event.implicit[0] else event.value, None)
+        anchor = self.anchors.begin(event)
+        value = _value(event.value) if event.implicit[0] else event.value
+        self.anchors.keep(anchor, value, self.add(event, value, None)[3])
 
     def block(self, event: Event, top: list[Plain] | None) -> None:
         """A mark that stands for a list of numbers, unless it lies in a key or in other words."""
         name = event.value.removeprefix(MARK)
         in_key = top is not None and isinstance(top[0], dict) and top[2] is None
+        in_key |= event.anchor is not None  # the slow way knows what to do with it
         if in_key or not event.implicit[0] or not name.isdecimal() or len(self.stack) + DEEPEST > MAX_DEPTH:
             raise self.fail(event, "a list of numbers where none can be")
         block = self.shortened.blocks[int(name)]

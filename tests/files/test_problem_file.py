@@ -152,7 +152,7 @@ def test_table_files_that_are_refused(tmp_path):
         ("good.npz", "t", "xi", "good.npz has no array 'xi'\n  hint: did you mean 'Xi'?"),
         ("good.npz", "t", "flat", "noise of the plant: times has shape (2,), values (2, 2)"),
         ("good.npz", "t", "word", "the array 'word' of good.npz does not hold numbers"),
-        ("7", "t", "Xi", "file is 7, it must be the name of an .npz file"),
+        ("7", "t", "Xi", "file is 7, it must be the name of an .npz or .mat file"),
     ):
         with pytest.raises(ProblemError) as error:
             read(folder, with_noise(form.format(file, times, values)))

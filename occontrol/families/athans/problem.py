@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from occontrol.core.calendar import Calendar
 from occontrol.core.checks import check_covariance_signal, check_finite, check_shape, looked_at
 from occontrol.core.clock import elapsed, lengths
 from occontrol.core.errors import Collector, Mistake
@@ -46,6 +47,7 @@ class SchedulingProblem(AthansProblem):
     integration : accuracy or steps of the integration, and which times become edges
     rules : Constraints that a schedule has to keep, or None
     minimise : "cost", "error" (without the observation cost) or "observation" (that alone, not weighted)
+    calendar : what the times are as dates, or None
 
     Ends of windows and jumps of held tables become edges beside those given, see `added_edges` and Integration.
     Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
@@ -67,6 +69,7 @@ class SchedulingProblem(AthansProblem):
     integration: Integration = field(default_factory=Integration)
     rules: Constraints | None = None
     minimise: str = "cost"
+    calendar: Calendar | None = None
     family: str = field(default="athans", init=False)
     added_edges: tuple[tuple[float, str], ...] = field(default=(), init=False, repr=False)
     warnings: tuple[str, ...] = field(default=(), init=False, repr=False)

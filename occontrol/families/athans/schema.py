@@ -46,6 +46,7 @@ from occontrol.families.athans.targets.documents import TargetsDocument, is_targ
 from occontrol.families.athans.targets.problem import TargetsProblem
 from occontrol.files.schema.common import (
     Context,
+    DatedHorizon,
     Expect,
     Matrix,
     Method,
@@ -58,7 +59,7 @@ from occontrol.files.schema.common import (
 )
 
 
-class Horizon(Strict):
+class Horizon(DatedHorizon):
     start: float | None = None
     end: float | None = None
     intervals: Whole | None = None
@@ -190,6 +191,7 @@ def build(
         expect=expect,
         rules=constraints(document.constraints, document.sensors),
         minimise=objective.minimise,
+        calendar=context.calendar,
         integration=Integration(**{f.name: getattr(document.horizon, f.name) for f in fields(Integration)}),
     )
     if edges is None:
@@ -226,6 +228,7 @@ def document(problem: SchedulingProblem | ReadingsProblem | TargetsProblem | Per
         return readings.document(problem)
     plant, linearised = problem.plant, linearisation_of(problem)
     horizon = {"edges": problem.edges.tolist(), "predict_at": problem.predict_at, **problem.integration.as_dict()}
+    horizon |= {} if problem.calendar is None else problem.calendar.document()
     result = {
         "family": "athans",
         "name": problem.name,

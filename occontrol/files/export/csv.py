@@ -14,11 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
+from occontrol.core.calendar import Calendar, calendar_of
 from occontrol.core.problem import BaseProblem
 from occontrol.core.reading_schedule import ReadingSchedule
 from occontrol.core.solution import Solution
 from occontrol.files.spreadsheet import Numbers
-from occontrol.files.tables import write_table
+from occontrol.files.tables import dated, write_table
 
 FILE_NAMES = {"gain": "gains", "continuous_gain": "continuous_gains"}
 PER_SENSOR = ("weights", "relaxed_weights", "switching")
@@ -42,6 +43,8 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
     if schedule and isinstance(solution.schedule, ReadingSchedule):
         schedule = [_instant(record, solution.schedule.variable) for record in schedule]
     if schedule:
+        calendar = calendar_of(problem)
+        schedule = schedule if calendar is None else [_dated(record, calendar) for record in schedule]
         written.append(_schedule(schedule, target if single else folder / "schedule.csv"))
     arrays = solution.arrays
     sensors: Sequence[str] = getattr(getattr(problem, "sensors", None), "names", ())
@@ -53,8 +56,14 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
         columns = _columns(name, array.shape[1:], sensors)
         path = folder / f"{before}{FILE_NAMES.get(name, name)}.csv"
         rows = ([*i, *row] for i, row in zip(index, flat, strict=True))
-        written.append(write_table(path, [*index_names, *columns], rows))
+        clock = calendar_of(problem) if index_names[0] in ("t", "start") else None
+        written.append(write_table(path, *dated([*index_names, *columns], rows, clock)))
     return written
+
+
+def _dated(record: dict, calendar: Calendar) -> dict:
+    """A segment with the dates of its start and end."""
+    return {**record, "utc": calendar.utc(record["start"]), "utc_end": calendar.utc(record["end"])}
 
 
 def _instant(record: dict, variable: str) -> dict:

@@ -7,11 +7,12 @@ import math
 import typing
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError, WithJsonSchema
 
+from occontrol.core.calendar import Calendar
 from occontrol.core.errors import Collector, Path
 from occontrol.core.kinds import PlainDict
 from occontrol.core.signal import Signal
@@ -81,6 +82,13 @@ class ProblemDocument(Strict):
     constants: Constants = None
 
 
+class DatedHorizon(Strict):
+    """A horizon whose times may be dates."""
+
+    date: str | None = Field(None, description="date: what t = 0 is, such as 2026-01-01T00:00:00Z")
+    unit: Literal["s", "min", "h", "d"] | None = Field(None, description="unit: what t counts: s, min, h or d")
+
+
 class Context:
     """Reads the parts of a document and gathers the mistakes.
 
@@ -92,10 +100,13 @@ class Context:
     data : the plain document, for the user's own names
     folder : where table files may lie; None is nowhere
     stem : the problem's name when the document has none
+    calendar : what its times are as dates, if it says so
     """
 
-    def __init__(self, data: object, folder: FilePath | None = None, stem: str = "problem"):
-        self.data, self.stem, self.found = data, stem, Collector()
+    def __init__(
+        self, data: object, folder: FilePath | None = None, stem: str = "problem", calendar: Calendar | None = None
+    ):
+        self.data, self.stem, self.found, self.calendar = data, stem, Collector(), calendar
         self.tables = TableFiles(folder, self.found)
         names = states_in(data)
         constants = ConstantValues(value_at(data, ("constants",)), self.found, names)

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import numpy as np
 
 from occontrol.core.errors import Collector, Path, ProblemError
 from occontrol.core.expression import value_of
-from occontrol.core.kinds import Plain
 from occontrol.core.linear_form import linear_form
-from occontrol.core.signal import ConstantSignal, ExpressionSignal, Signal, TableSignal
+from occontrol.core.signal import ConstantSignal, ExpressionSignal, Signal
 from occontrol.core.state_labels import default_names
 from occontrol.files.schema.blocks import block_diagonal, kronecker, too_large
 from occontrol.files.schema.constants import Constants
 from occontrol.files.schema.matrix_forms import FORMS, NEEDED
-from occontrol.files.schema.tables import LARGEST, SHAPES, shape_fits
+from occontrol.files.schema.tables import LARGEST
+from occontrol.files.schema.tabulated import in_file, tabulated
 from occontrol.files.schema.words import shown, suggest
 
 _PLANT = (("plant", "A"), ("plant", "F"))
@@ -93,6 +92,9 @@ class MatrixReader:
         """Rows of numbers and formulas (of any of `variables`), for whoever builds a function from them."""
         if isinstance(value, dict) and _PURE & value.keys():
             return self._shorthand(value, path, variables)
+        if isinstance(value, dict) and "file" in value and "times" not in value and self._keys_fit(value, path):
+            matrix = in_file(self, value, path)
+            return None if matrix is None else matrix.tolist()
         if not isinstance(value, list):
             single = self.entry(value, path, path, "", variables)
             return None if single is None else [[single]]
@@ -157,7 +159,7 @@ class MatrixReader:
 
     def constant(self, value: object, path: Path) -> np.ndarray | None:
         """A matrix that may not depend on time; formulas without variables are allowed."""
-        if isinstance(value, dict) and ("times" in value or "file" in value):
+        if isinstance(value, dict) and "times" in value:
             self.wrong(path, " is a table, it must be constant")
             return None
         signal = self.signal(value, path, ())
@@ -175,7 +177,14 @@ class MatrixReader:
             )
             self.wrong((*path, unknown) if unknown is not None else path, what, hint, key=unknown is not None, of=path)
             return None
-        return self._table(value, path) if self._keys_fit(value, path) else None
+        return self._kept(value, path) if self._keys_fit(value, path) else None
+
+    def _kept(self, value: dict, path: Path) -> Signal | None:
+        """A table, or a single matrix in a file."""
+        if "times" in value:
+            return tabulated(self, value, path)
+        matrix = in_file(self, value, path)
+        return None if matrix is None else _constant(matrix)
 
     def _keys_fit(self, value: dict, path: Path) -> bool:
         """Whether a mapping has the keys of its form and no others; False after its mistakes were noted."""
@@ -240,59 +249,6 @@ class MatrixReader:
         if diagonal is None:
             return None
         return [[d if i == j else 0.0 for j in range(len(diagonal))] for i, d in enumerate(diagonal)]
-
-    def _table(self, value: dict, path: Path) -> Signal | None:
-        if "file" in value:
-            times = self.load(value["file"], value["times"], (*path, "times"))
-            values = None
-            if times is not None:
-                fits = partial(shape_fits, self.wrong, path, self.states, times)
-                values = self.load(value["file"], value["values"], (*path, "values"), fits)
-        else:
-            times = self.vector(value["times"], (*path, "times"))
-            values = self._stack(value["values"], (*path, "values"))
-        if times is None or values is None:
-            return None
-        if values.ndim == 1:
-            values = values.reshape(-1, 1, 1)
-        if times.ndim != 1 or values.ndim != 3:
-            shapes = f": times has shape {times.shape}, values {values.shape}"
-            self.wrong((*path, "values"), shapes, SHAPES, of=path)
-            return None
-        try:
-            interpolation = value.get("interpolation", "linear")
-            return TableSignal(times, values, interpolation if isinstance(interpolation, str) else shown(interpolation))
-        except ProblemError as error:
-            for m in error.mistakes:
-                self.found.add((*path, *m.path), f"{self.name(path)}: {m.what}", m.hint)
-            return None
-
-    def _stack(self, values: Plain, path: Path) -> np.ndarray | None:
-        """(K, rows, columns) from a list of matrices of numbers."""
-        try:
-            kinds = {type(e) for matrix in values for row in matrix for e in row}
-            if kinds <= {int, float}:
-                return np.array(values, dtype=float)
-        except (TypeError, ValueError):
-            pass
-        if not isinstance(values, list) or not values:
-            self.wrong(path, f" is {shown(values)}, it must be a list of matrices")
-            return None
-        read = [self.constant(matrix, (*path, k)) for k, matrix in enumerate(values)]
-        matrices = [matrix for matrix in read if matrix is not None]
-        if len(matrices) < len(read):
-            return None
-        k = next((k for k, m in enumerate(matrices) if m.shape != matrices[0].shape), None)
-        if k is not None:
-            self.wrong(
-                (*path, k), f": matrix {k + 1} is {_size(matrices[k])}, the first is {_size(matrices[0])}", of=path
-            )
-            return None
-        return np.array(matrices)
-
-
-def _size(matrix: np.ndarray) -> str:
-    return f"{matrix.shape[0]}x{matrix.shape[1]}"
 
 
 def _constant(matrix: np.ndarray) -> ConstantSignal:

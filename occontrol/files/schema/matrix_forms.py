@@ -13,7 +13,7 @@ FORMS = (
     ("times", "values", "interpolation"),
     ("file", "times", "values", "interpolation"),
 )
-NEEDED = (("diag",), ("identity",), ("block_diag",), ("kron",), ("times", "values"), ("file", "times", "values"))
+NEEDED = (("diag",), ("identity",), ("block_diag",), ("kron",), ("times", "values"), ("file", "values"))
 
 ENTRY: PlainDict = {"type": ["number", "string"]}
 _ROWS: PlainDict = {"type": "array", "items": {"type": "array", "items": ENTRY}}
@@ -29,7 +29,8 @@ def _form(properties: PlainDict, required: tuple[str, ...], title: str) -> Plain
     }
 
 
-_PARTS: PlainDict = {"type": "array", "minItems": 1, "items": {"type": ["number", "string", "array", "object"]}}
+PART: PlainDict = {"title": "a matrix in any of its forms"}
+_PARTS: PlainDict = {"type": "array", "minItems": 1, "items": PART}
 _INTERPOLATION = {"enum": ["linear", "previous"]}
 _TABLE = {
     "times": {"type": "array", "items": {"type": "number"}},
@@ -55,6 +56,6 @@ MATRIX_SCHEMA: PlainDict = {
         _form({"block_diag": _PARTS}, NEEDED[2], "matrices along the diagonal, zeros elsewhere"),
         _form({"kron": _PARTS}, NEEDED[3], "Kronecker product"),
         _form(_TABLE, NEEDED[4], "table"),
-        _form(_FILE, NEEDED[5], "table in an .npz file"),
+        _form(_FILE, NEEDED[5], "matrix, or table, in an .npz or .mat file"),
     ],
 }

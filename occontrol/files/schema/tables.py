@@ -1,4 +1,7 @@
-"""Tables in .npz files beside or below the problem file; nothing else is ever opened, and nothing is unpickled."""
+"""Arrays in .npz and .mat files beside or below the problem file; nothing else is opened, and nothing is unpickled.
+
+In a .mat file time is the last axis, as MATLAB has it: A(:,:,k) belongs to t(k).
+"""
 
 from __future__ import annotations
 
@@ -58,15 +61,21 @@ class TableFiles:
         self.refused: set[str] = set()
 
     def load(
-        self, file: object, array: object, path: Path, judge: Callable[[tuple[int, ...]], bool] = lambda shape: True
+        self,
+        file: object,
+        array: object,
+        path: Path,
+        judge: Callable[[tuple[int, ...]], bool] = lambda shape: True,
+        single: bool = False,
     ) -> np.ndarray | None:
         """The array, or None after its mistake was noted; path is that of the array's name.
 
         `judge` gets the shape that the header claims, before anything is unpacked; False where it has noted a mistake.
+        `single` is for one matrix instead of a table of several.
         """
         place = (*path[:-1], "file")
         if not isinstance(file, str) or not file:
-            self.found.add(place, f"file is {shown(file)}, it must be the name of an .npz file")
+            self.found.add(place, f"file is {shown(file)}, it must be the name of an .npz or .mat file")
             return None
         if not isinstance(array, str):
             self.found.add(path, f"{path[-1]} is {shown(array)}, it must be the name of an array in {file}")
@@ -78,11 +87,15 @@ class TableFiles:
             self.refused.add(file)
             return None
         if (target, array) not in self.arrays:
-            value = self._read(target, file, array, path, place, judge)
+            if target.suffix.lower() == ".mat":
+                value = self._read_mat(target, file, array, path, place, judge, single)
+            else:
+                value = self._read(target, file, array, path, place, judge)
             if value is None:
                 return None
             self.arrays[target, array] = value
-        return self.arrays[target, array]
+        value = self.arrays[target, array]
+        return _time_first(value) if target.suffix.lower() == ".mat" and not single else value
 
     def _inside(self, file: str, place: Path) -> FilePath | None:
         if self.folder is None:
@@ -105,6 +118,36 @@ class TableFiles:
             self.found.add(place, f"'{file[:60]}' is not the name of a file")
             return None
         return target
+
+    def _read_mat(
+        self,
+        target: FilePath,
+        file: str,
+        array: str,
+        path: Path,
+        place: Path,
+        judge: Callable[[tuple[int, ...]], bool],
+        single: bool,
+    ) -> np.ndarray | None:
+        from occontrol.files.mat_file import mat_shapes, read_mat
+
+        try:
+            shapes = mat_shapes(target, file)
+            if array not in shapes:
+                self.found.add(path, f"{file} has no array '{array}'", suggest(array, shapes) if shapes else "")
+                return None
+            shape = shapes[array]
+            if shape is None:
+                self.found.add(path, f"the array '{array}' of {file} does not hold numbers")
+                return None
+            # a view of one element tells which shape the table will have
+            if not judge(shape if single else _time_first(np.broadcast_to(0.0, shape)).shape):
+                return None
+            return read_mat(target, array, file)
+        except ProblemError as error:
+            self.found.mistakes += [Mistake(place, m.what, m.hint) for m in error.mistakes]
+            self.refused.add(file)
+            return None
 
     def _read(
         self, target: FilePath, file: str, array: str, path: Path, place: Path, judge: Callable[[tuple[int, ...]], bool]
@@ -134,3 +177,10 @@ class TableFiles:
             self.refused.add(file)
             return None
         return value.astype(float, copy=False)
+
+
+def _time_first(value: np.ndarray) -> np.ndarray:
+    """(K, rows, columns) from MATLAB's (rows, columns, K), (K,) from a row or a column."""
+    if value.ndim == 3:
+        return np.moveaxis(value, 2, 0)
+    return value.ravel() if value.ndim == 2 and 1 in value.shape else value

@@ -11,17 +11,17 @@ from occontrol.core.kinds import PlainMapping
 from occontrol.families.athans.criteria.schema import CriterionKeys
 from occontrol.families.athans.rules.schema import ConstraintKeys, SensorKeys
 from occontrol.families.athans.schema_parts import Initial, Plant, Select, sensor_kind
-from occontrol.files.schema.common import Expect, Labels, Matrix, Method, ProblemDocument, Strict, Whole
+from occontrol.files.schema.common import DatedHorizon, Expect, Labels, Matrix, Method, ProblemDocument, Strict, Whole
 
 
-class StepsHorizon(Strict):
+class StepsHorizon(DatedHorizon):
     """When, in discrete time."""
 
     steps: Whole = Field(description="steps: how many k there are")
     epoch: Whole = 1
 
 
-class SamplesHorizon(Strict):
+class SamplesHorizon(DatedHorizon):
     """When a continuous plant is read."""
 
     start: float = 0.0

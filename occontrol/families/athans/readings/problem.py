@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from occontrol.core.calendar import Calendar
 from occontrol.core.checks import check_shape
 from occontrol.core.errors import Collector, Mistake, plural
 from occontrol.core.kinds import Kept, OptionalSignalField, PlainMapping, SignalField, unless_given
@@ -59,6 +60,7 @@ class ReadingsProblem(AthansProblem):
     minimise : "cost", "error" (running and output), or "observation"
     criterion : CriterionChoice of the outputs' covariance; None is its trace
     prior : False where nothing is known before the readings: the plant's covariance is then not looked at
+    calendar : what the times are as dates, or None
 
     Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
     """
@@ -81,6 +83,7 @@ class ReadingsProblem(AthansProblem):
     minimise: str = "cost"
     criterion: CriterionChoice | None = None
     prior: bool = True
+    calendar: Calendar | None = None
     family: str = field(default="athans", init=False)
     takes_readings: ClassVar[bool] = True
     warnings: tuple[str, ...] = field(default=(), init=False, repr=False)

@@ -92,6 +92,7 @@ def build(document: StepsDocument | SamplesDocument, context: Context) -> Readin
         minimise=objective.minimise,
         criterion=choice_of(objective.criterion),
         prior=has_prior(document.plant.initial),
+        calendar=context.calendar,
     )
     found.raise_if_any()
     if not problem.discrete:
@@ -249,6 +250,7 @@ def document(problem: ReadingsProblem) -> PlainDict:
         system = {} if linearised is not None else plant_document(plant)
     if linearised is not None:
         system = formula_plant_document(linearised)
+    horizon |= {} if problem.calendar is None else problem.calendar.document()
     stated = not (problem.running is not None and not np.any(problem.output.at(problem.output_at)))
     objective = {
         "cost_weight": float(problem.cost_weight),

@@ -1,4 +1,4 @@
-"""Schedules and measurements that come from outside: CSV, JSON and run folders, mistakes as file:line."""
+"""Schedules that come from outside: CSV, JSON and run folders, mistakes as file:line."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-
-from occontrol.core.errors import Collector, FileAccessError, Mistake, ProblemError, one_per_cause, suggest
-from occontrol.core.measurement import Measurement
+from occontrol.core.calendar import looks_like_date
+from occontrol.core.errors import Collector, FileAccessError, ProblemError, one_per_cause
 from occontrol.core.problem import BaseProblem
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
-from occontrol.files.csv_lines import MAX_BYTES, csv_rows
+from occontrol.files.csv_lines import MAX_BYTES, add, csv_rows, number, wrong_line
 from occontrol.files.positions import Text, in_order
 from occontrol.files.problem_file import read_text
 from occontrol.files.segments import Segment, grid_of, schedule_of, takes_readings
 from occontrol.files.spreadsheet import from_text
+from occontrol.files.time_field import TimeField
 
 
 def read_schedule(
@@ -43,86 +42,20 @@ def read_schedule(
     if path.is_dir():
         segments = _from_run(path, read_run, takes_readings(problem))
     elif path.suffix.lower() == ".json":
-        segments = _from_json(path, None if takes_readings(problem) else float(grid_of(problem)[-1]))
+        segments = _from_json(path, None if takes_readings(problem) else float(grid_of(problem)[-1]), problem)
     elif path.suffix.lower() == ".csv":
-        segments = _from_csv(path)
+        segments = _from_csv(path, problem)
     else:
         _must_exist(path)
-        raise _wrong(str(path), f"the file name ends in '{path.suffix}'", "schedules end in .csv or .json")
+        raise wrong_line(str(path), f"the file name ends in '{path.suffix}'", "schedules end in .csv or .json")
     return schedule_of(segments, problem, str(path))
-
-
-def read_measurements(path: str | Path, problem: BaseProblem | None = None) -> list[Measurement]:
-    """The samples of a measurement file, in the order of time.
-
-    Parameters
-    ----------
-    path : CSV with the columns t, sensor, z1, z2, ..; empty fields at the end of a line where a sensor has fewer values
-    problem : when given, names and numbers of values are compared with its sensors
-
-    An empty or NaN value is a missing one: it is NaN in `values`.
-    Raises ProblemError with every mistake as file:line, FileAccessError when the file cannot be read.
-    """
-    path = Path(path)
-    found = Collector()
-    sizes = _sizes(problem)
-    samples: list[Measurement] = []
-    seen: dict[tuple[float, str], int] = {}
-    rows = csv_rows(path, ("t", "sensor"), "measurement file")
-    header = next(rows)[1]
-    width = len(header) - 2
-    for line, row in rows:
-        place = f"{path}:{line}"
-        before = len(found.mistakes)
-        t = _number(row[0], "t", place, found)
-        name, fields = from_text(row[1].strip()), [field.strip() for field in row[2:]]
-        if sizes is not None and name not in sizes:
-            _add(found, place, f"there is no sensor '{name}'", suggest(name, sizes))
-        elif not name:
-            _add(found, place, "the sensor is not named", "columns: t, sensor, z1, z2, ..")
-        titles = [title or f"z{i + 1}" for i, title in enumerate(header[2:])] + ["a value"] * len(fields)
-        values = [_number(field, titles[i], place, found, missing=True) for i, field in enumerate(fields)]
-        size = _used(fields) if sizes is None else sizes.get(name)
-        if len(fields) > width:
-            _add(found, place, f"the line has {len(fields)} values, the header names {width}")
-        elif size is not None and _used(fields) > size and len(found.mistakes) == before:
-            _add(found, place, f"sensor '{name}' has {size} values, the line has {_used(fields)}")
-        if len(found.mistakes) > before or t is None:
-            continue
-        if (t, name) in seen:
-            _add(
-                found,
-                place,
-                f"a second sample of sensor '{name}' at t = {t:g}",
-                f"the first is in line {seen[t, name]}",
-            )
-            continue
-        seen[t, name] = line
-        known = [math.nan if v is None else v for v in values]
-        size = len(known) if size is None else size
-        samples.append(Measurement(t, name, np.array((known + [math.nan] * size)[:size], dtype=float), line))
-    if found.mistakes:
-        raise in_order(one_per_cause(found.mistakes))
-    return sorted(samples, key=lambda m: m.time)
-
-
-def _sizes(problem: BaseProblem | None) -> dict[str, int | None] | None:
-    """The number of values of each sensor of a problem."""
-    sensors = getattr(problem, "sensors", None)
-    if sensors is None:
-        return None
-    return {sensor.name: getattr(sensor, "rows", None) for sensor in sensors}
-
-
-def _used(fields: list[str]) -> int:
-    return max((i + 1 for i, field in enumerate(fields) if field), default=0)
 
 
 def _from_run(folder: Path, read_run: Callable[[Path], tuple[BaseProblem, Solution]], instants: bool) -> list[Segment]:
     _, solution = read_run(folder)
     schedule = solution.schedule
     if schedule is None:
-        raise _wrong(str(folder), "the run folder holds no schedule")
+        raise wrong_line(str(folder), "the run folder holds no schedule")
     return [
         Segment(
             float(a),
@@ -135,34 +68,35 @@ def _from_run(folder: Path, read_run: Callable[[Path], tuple[BaseProblem, Soluti
     ]
 
 
-def _from_csv(path: Path) -> list[Segment]:
+def _from_csv(path: Path, problem: BaseProblem) -> list[Segment]:
     found, segments = Collector(), []
-    rows = csv_rows(path, ("start", "end", "sensors"), "schedule")
-    _, header = next(rows)
+    clock = TimeField(problem, found)
+    lines = csv_rows(path, ("start", "end", "sensors"), "schedule")
+    _, header = next(lines)
     weighted = header[3:4] == ["weights"]
-    for line, row in rows:
+    for line, row in lines:
         place = f"{path}:{line}"
         shares = None
         if weighted and len(row) == 4 and row[3].strip():
-            parts = [_number(part, "weights", place, found) for part in row[3].split(";")]
+            parts = [number(part, "weights", place, found) for part in row[3].split(";")]
             shares = tuple(part for part in parts if part is not None)
             count = len([name for name in row[2].split(";") if name.strip()])
             if len(parts) != count:
-                _add(found, place, f"{len(parts)} weights for {count} sensors", "one weight per sensor, joined by ';'")
+                add(found, place, f"{len(parts)} weights for {count} sensors", "one weight per sensor, joined by ';'")
                 continue
         elif len(row) > 3 and any(field.strip() for field in row[3:]):
-            _add(found, place, f"the line has {len(row)} fields, not 3", "join the names of sensors by ';'")
+            add(found, place, f"the line has {len(row)} fields, not 3", "join the names of sensors by ';'")
             continue
-        start, end = (_number(row[i], key, place, found) for i, key in enumerate(("start", "end")))
+        start, end = (clock.number(row[i].strip(), key, place) for i, key in enumerate(("start", "end")))
         names = tuple(name.strip() for name in from_text(row[2].strip()).split(";") if name.strip())
         if start is not None and end is not None:
             segments.append(Segment(start, end, names, shares, partial(str, place)))
     if found.mistakes:
-        raise in_order(found.mistakes)
+        raise in_order(one_per_cause(found.mistakes))
     return segments
 
 
-def _from_json(path: Path, end: float | None) -> list[Segment]:
+def _from_json(path: Path, end: float | None, problem: BaseProblem) -> list[Segment]:
     from occontrol.files.json_text import read_json
 
     text = read_json(read_text(path, MAX_BYTES, "schedule"), str(path))
@@ -171,11 +105,11 @@ def _from_json(path: Path, end: float | None) -> list[Segment]:
         data, prefix = data.get("schedule"), ("schedule",)
     if not isinstance(data, list):
         what = "there is no 'schedule'" if prefix else "this is not a schedule"
-        raise _wrong(f"{path}:1:1", what, "a list of {start: .., end: .., sensors: [..]}")
+        raise wrong_line(f"{path}:1:1", what, "a list of {start: .., end: .., sensors: [..]}")
     found, segments = Collector(), []
-    data = _from_steps(data, end)
+    clock, data = TimeField(problem, found), _from_steps(data, end)
     for k, item in enumerate(data):
-        segment = _json_segment(item, (*prefix, k), text, found)
+        segment = _json_segment(item, (*prefix, k), text, clock)
         if segment is not None:
             segments.append(segment)
     if found.mistakes:
@@ -200,9 +134,10 @@ def _from_steps(data: list, end: float | None) -> list:
     return [{"start": item["k"], "end": last, **item} for item, last in zip(data, ends, strict=True)]
 
 
-def _json_segment(item: object, path: tuple, text: Text, found: Collector) -> Segment | None:
+def _json_segment(item: object, path: tuple, text: Text, clock: TimeField) -> Segment | None:
     from occontrol.files.schema.words import shown
 
+    found = clock.found
     if not isinstance(item, dict):
         found.add(path, f"segment {path[-1] + 1} is {shown(item)}", "{start: .., end: .., sensors: [..]}")
         return None
@@ -212,8 +147,11 @@ def _json_segment(item: object, path: tuple, text: Text, found: Collector) -> Se
             found.add(path, f"segment {path[-1] + 1} has no '{key}'", "{start: .., end: .., sensors: [..]}")
     if len(found.mistakes) > before:
         return None
+    item = dict(item)
     for key in ("start", "end"):
-        if not _finite(item[key]):
+        if looks_like_date(item[key]):
+            item[key] = clock.date(item[key], key, path=(*path, key))
+        elif not _finite(item[key]):
             found.add((*path, key), f"{key} is {shown(item[key])}, it must be a finite number")
     names, weights = item["sensors"], item.get("weights")
     names = [names] if isinstance(names, str) else names
@@ -236,30 +174,6 @@ def _json_segment(item: object, path: tuple, text: Text, found: Collector) -> Se
 
 def _finite(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _number(field: str, name: str, place: str, found: Collector, missing: bool = False) -> float | None:
-    """A finite number; with `missing` an empty field or NaN is None."""
-    field = field.strip()
-    if missing and field.lower() in ("", "nan"):
-        return None
-    try:
-        value = float(field)
-    except ValueError:
-        value = math.nan
-    if "_" in field or not field.isascii() or not math.isfinite(value):
-        what = f"{name} is '{field[:40]}', it must be a finite number"
-        found.mistakes.append(Mistake((), what, place=place, cause=f"number {name}"))
-        return None
-    return value
-
-
-def _add(found: Collector, place: str, what: str, hint: str = "") -> None:
-    found.mistakes.append(Mistake((), what, hint, place=place))
-
-
-def _wrong(place: str, what: str, hint: str = "") -> ProblemError:
-    return ProblemError(Mistake((), what, hint, place=place))
 
 
 def _must_exist(path: Path) -> None:
