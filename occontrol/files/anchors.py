@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from occontrol.core.errors import Mistake, ProblemError, suggest
 from occontrol.core.kinds import Plain
@@ -16,7 +16,7 @@ from occontrol.files.positions import MAX_DEPTH, Inside, Place
 
 MOST_COPIED = 100_000  # keys, words, numbers, lists and mappings that aliases may bring in
 MERGE = "<<"
-Event: TypeAlias = Any  # of ruamel.yaml's parser
+Event: TypeAlias = Plain  # of ruamel.yaml's parser
 
 
 class Anchors:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter,
 
 from occontrol.core.calendar import Calendar
 from occontrol.core.errors import Collector, Path
-from occontrol.core.kinds import PlainDict
+from occontrol.core.kinds import Plain, PlainDict
 from occontrol.core.signal import Signal
 from occontrol.core.state_labels import default_names
 from occontrol.files.plain_json import plain as plain  # for the schemas of the families
@@ -61,7 +61,7 @@ Method = Annotated[
 """A method's name, or {name: .., its options}; `Context.method` reads it."""
 
 Constants = Annotated[
-    Any,
+    Plain,
     Field(description="constants: {q: 0.3, drag: 2*q}, numbers for every formula"),
     WithJsonSchema({"type": "object", "additionalProperties": {"type": ["number", "string"]}}),
 ]
