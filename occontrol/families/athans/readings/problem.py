@@ -59,8 +59,7 @@ class ReadingsProblem(AthansProblem):
     rules : Constraints on whole schedules, counted in steps; of samples those without times
     minimise : "cost", "error" (running and output), or "observation"
     criterion : CriterionChoice of the outputs' covariance; None is its trace
-    prior : False where nothing is known before the readings: the plant's covariance is then not looked at
-    calendar : what the times are as dates, or None
+    prior : False where nothing is known before the readings; calendar : what times are as dates, or None
 
     Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
     """
@@ -206,16 +205,14 @@ class ReadingsProblem(AthansProblem):
     @property
     def output_at(self) -> float:
         """The time, or the k, at which D is evaluated."""
-        if not self.discrete:
-            return float(self.predict_at or 0.0)
-        return self.clock.end if self.at == "predicted" else self.clock.end - 1
+        end = self.clock.end if self.at == "predicted" else self.clock.end - 1
+        return end if self.discrete else float(self.predict_at or 0.0)
 
     @property
     def running_times(self) -> np.ndarray:
         """Times at which the running weight counts: those of the readings, or a grid for the integral."""
-        if self.running_at != "integral":
-            return self.clock.times
-        return np.linspace(self.clock.start, self.clock.end, max(65, 2 * len(self.clock.times)))
+        grid = np.linspace(self.clock.start, self.clock.end, max(65, 2 * len(self.clock.times)))
+        return grid if self.running_at == "integral" else self.clock.times
 
     @property
     def plant_signals(self) -> dict[tuple[str | int, ...], Signal]:
