@@ -8,10 +8,12 @@ import numpy as np
 
 from occontrol.core import stopwatch
 from occontrol.core.claims import Claims, false_claims
+from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.monitor import Monitor
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.certify import parts_of
+from occontrol.families.athans.periodic.limits import broken
 from occontrol.families.athans.periodic.method import Periodic
 from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.families.athans.periodic.prove import averaged_of, grow_proof, proof_of, setting_of, unbounded
@@ -42,6 +44,9 @@ def certify(problem: PeriodicProblem, schedule: Schedule, claims: Claims | None 
     """
     began, monitor, setting = stopwatch.seconds(), Monitor(), setting_of(problem)
     word = word_of(problem, as_read(schedule, problem))
+    names = list(problem.sensors.names)
+    if wrong := broken(problem.limits, problem.weights_of([int(a) for a in word]), names, problem.step):
+        raise ProblemError([Mistake((), what) for what in wrong])
     cycle = cycle_of(setting.letters, word)
     if cycle is None:
         raise unbounded([problem.letters[a] for a in word])

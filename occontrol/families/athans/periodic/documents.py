@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag
 from occontrol.core.kinds import PlainMapping
 from occontrol.families.athans.readings.documents import StepsPlant
 from occontrol.families.athans.schema_parts import Plant, Select, sensor_kind
-from occontrol.files.schema.common import Expect, Matrix, Method, ProblemDocument, Strict
+from occontrol.files.schema.common import Expect, Matrix, Method, ProblemDocument, Strict, Whole
 
 
 class EndlessHorizon(Strict):
@@ -35,7 +35,22 @@ class EndlessObjective(Strict):
     at: str | None = None
 
 
-class EndlessStepsSensor(Strict):
+class EndlessRules(Strict):
+    """Rules of a cycle for all sensors."""
+
+    min_on: float | None = Field(None, description="min_on: how long every sensor stays on at least")
+    max_uses: Whole | None = Field(None, description="max_uses: of every sensor, steps of one cycle")
+    max_switches: Whole | None = Field(None, description="max_switches: changes of one cycle")
+
+
+class CycleSensor(Strict):
+    """Rules of a cycle for one sensor."""
+
+    min_on: float | None = Field(None, description="min_on: how long it stays on at least")
+    max_uses: Whole | None = Field(None, description="max_uses: steps of one cycle at which it is used")
+
+
+class EndlessStepsSensor(CycleSensor):
     """One sensor that is read at steps."""
 
     name: str = Field(description="name: a word")
@@ -44,7 +59,7 @@ class EndlessStepsSensor(Strict):
     cost: Matrix = 0.0
 
 
-class EndlessSensor(Strict):
+class EndlessSensor(CycleSensor):
     """One sensor of a continuous plant."""
 
     name: str = Field(description="name: a word")
@@ -68,6 +83,7 @@ class EndlessDocument(ProblemDocument):
 
     family: Literal["athans"]
     select: Select = 1
+    constraints: EndlessRules | None = None
     objective: EndlessObjective = Field(description="objective: {cost_weight: .., running: ..}")
     method: Method = None
     expect: Expect = None

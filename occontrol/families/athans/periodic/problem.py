@@ -23,6 +23,7 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.sensor import IDLE, Sensor, SensorSuite, idle_sensor
 from occontrol.core.signal import Signal, as_signal
 from occontrol.families.athans.base import AthansProblem
+from occontrol.families.athans.periodic.limits import CycleLimits
 from occontrol.families.athans.readings.checks import selection
 
 SENSING = ("steps", "samples", "rate")
@@ -55,6 +56,7 @@ class PeriodicProblem(AthansProblem):
     select : how many sensors are used at a time, a number or (least, most)
     method : an options object of method periodic, or None for its defaults
     expect : {source, cost, tolerance}, the known answer, if any
+    limits : CycleLimits, rules that a cycle has to keep, or None
 
     Raises ProblemError naming every mistake.
     """
@@ -70,8 +72,11 @@ class PeriodicProblem(AthansProblem):
     select: Kept[int | Sequence[int], tuple[int, int]] = unless_given(1)
     method: Method | None = None
     expect: PlainMapping | None = None
+    limits: CycleLimits | None = None
     family: str = field(default="athans", init=False)
     infinite: ClassVar[bool] = True
+    rules: ClassVar[None] = None
+    minimise: ClassVar[str] = "cost"
     listed: tuple[str, ...] = field(default=(), init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -108,6 +113,8 @@ class PeriodicProblem(AthansProblem):
         if least < most and not any(s.is_idle for s in self.sensors):
             set_(self, "sensors", SensorSuite((*self.sensors, idle_sensor(self.plant.states))))
         found.mistakes += self._constant() + self._shapes()
+        if self.limits is not None:
+            found.mistakes += self.limits.mistakes(self.listed)
         found.raise_if_any()
         found.mistakes += self._values()
         if not found.mistakes and len(self.choices) > MOST_CHOICES:

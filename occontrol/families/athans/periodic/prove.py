@@ -13,12 +13,13 @@ import numpy as np
 from occontrol.core.errors import InfeasibleError, SolveFailed
 from occontrol.core.monitor import Monitor
 from occontrol.families.athans.periodic.fill import Filled, fill, parts_of
+from occontrol.families.athans.periodic.limits import cycle_rules
 from occontrol.families.athans.periodic.method import Periodic
 from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.numerics.linalg import symmetrise
 from occontrol.scheduling.periodic.averaged import Averaged, averaged_flow, averaged_steps
 from occontrol.scheduling.periodic.certificate import TreeProof, words_array
-from occontrol.scheduling.periodic.cycles import CycleRules, Found, free, search
+from occontrol.scheduling.periodic.cycles import CycleRules, Found, search
 from occontrol.scheduling.periodic.letters import Letters
 from occontrol.scheduling.periodic.potential import Cycle, potentials
 from occontrol.scheduling.periodic.tree import ProofTree
@@ -78,7 +79,8 @@ def setting_of(problem: PeriodicProblem) -> Setting:
     root = np.linalg.cholesky(filled.smallest)
     sensors = [s.name for s in problem.sensors]
     uses = np.array([[name in choice for name in sensors] for choice in problem.choices], dtype=np.int64)
-    return Setting(filled, filled.letters.in_units(root), root, free(uses))
+    rules = cycle_rules(problem.limits, uses, sensors, problem.step)
+    return Setting(filled, filled.letters.in_units(root), root, rules)
 
 
 def averaged_of(problem: PeriodicProblem, setting: Setting) -> Averaged:
@@ -116,7 +118,7 @@ def prove(problem: PeriodicProblem, setting: Setting, method: Periodic, monitor:
     limit = None if method.time_limit is None else SEARCH_SHARE * method.time_limit
     found = search(setting.letters, method.max_period, setting.rules, monitor.child(limit, silent=True))
     if found.best is None:
-        raise SolveFailed(_no_cycle(method.max_period))
+        raise SolveFailed(_no_cycle(method.max_period, problem.limits is not None))
     monitor.report(found.looked, found.best.cost, averaged.lower_bound)
     monitor.stage = "proof"
     tree, name = grow_proof(setting.letters, averaged, found.best, method, monitor)
@@ -190,6 +192,7 @@ def unbounded(names: list[str]) -> InfeasibleError:
     return InfeasibleError(f"{what}: it does not see all that grows")
 
 
-def _no_cycle(period: int) -> str:
-    what = f"no cycle of up to {period} step{'s' * (period != 1)} keeps the covariance bounded"
+def _no_cycle(period: int, ruled: bool) -> str:
+    rules = " and the rules" if ruled else ""
+    what = f"no cycle of up to {period} step{'s' * (period != 1)} keeps the covariance bounded{rules}"
     return f"{what}\n  hint: method: {{name: periodic, max_period: ..}} longer"

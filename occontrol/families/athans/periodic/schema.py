@@ -8,17 +8,22 @@ from occontrol.core.method import Method
 from occontrol.core.sensor import IDLE, Sensor
 from occontrol.families.athans.methods import ALL_METHODS
 from occontrol.families.athans.periodic.documents import (
+    CycleSensor,
     EndlessContinuousDocument,
     EndlessDocument,
+    EndlessRules,
     EndlessSensor,
     EndlessStepsDocument,
 )
+from occontrol.families.athans.periodic.limits import CycleLimits
 from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.families.athans.readings.documents import SamplesSensor, StepsSensor
 from occontrol.families.athans.readings.schema import sensor_of, steps_plant, steps_plant_document
 from occontrol.families.athans.schema_parts import plant_document, plant_of, select_of
 from occontrol.families.athans.sensor_noise import sensor_noise
 from occontrol.files.schema.common import Context, options_document, plain, prune
+
+RULES = {"min_on", "max_uses"}  # keys that are of the cycle, not of the sensor
 
 
 def build(document: EndlessDocument, context: Context) -> PeriodicProblem:
@@ -60,18 +65,32 @@ def build(document: EndlessDocument, context: Context) -> PeriodicProblem:
         select=1 if select is None else select,
         method=method,
         expect=expect,
+        limits=_limits(document),
     )
     found.raise_if_any()
     return problem
 
 
+def _limits(document: EndlessDocument) -> CycleLimits | None:
+    """The rules of the file: those of a sensor before those of all; None without any."""
+    stated: list[CycleSensor] = [s for s in document.sensors if not isinstance(s, str)]  # type: ignore[attr-defined]
+    all_ = document.constraints or EndlessRules()
+    found: dict[str, dict] = {}
+    for key in ("min_on", "max_uses"):
+        values = {s.name: getattr(s, key) if getattr(s, key) is not None else getattr(all_, key) for s in stated}  # type: ignore[attr-defined]
+        found[key] = {name: value for name, value in values.items() if value is not None}
+    if not any(found.values()) and all_.max_switches is None:
+        return None
+    return CycleLimits(found["min_on"], found["max_uses"], all_.max_switches)
+
+
 def _sensor(entry, j: int, states: int, sensing: str, context: Context) -> Sensor:
     """The sensor; one that measures nothing in its place when there is a mistake (that is noted)."""
     if not isinstance(entry, EndlessSensor):
-        shaped = entry if isinstance(entry, str) else StepsSensor(**entry.model_dump())
+        shaped = entry if isinstance(entry, str) else StepsSensor(**entry.model_dump(exclude=RULES))
         return sensor_of(shaped, j, states, "k", context)
     if sensing == "samples" or entry.name == "":
-        return sensor_of(SamplesSensor(**entry.model_dump()), j, states, "t", context)
+        return sensor_of(SamplesSensor(**entry.model_dump(exclude=RULES)), j, states, "t", context)
     C = context.signal(entry.C, "sensors", j, "C")
     noise = sensor_noise(entry.noise, entry.variance, entry.every, entry.name, ("sensors", j), context)
     cost, sensor = context.signal(entry.cost, "sensors", j, "cost"), None
@@ -97,6 +116,7 @@ def document(problem: PeriodicProblem) -> PlainDict:
         "plant": system,
         "sensors": [_sensor_document(s, problem) for s in problem.sensors if s.name in problem.listed],
         "select": stated,
+        "constraints": _rules_document(problem.limits),
         "objective": {
             "cost_weight": float(problem.cost_weight),
             "running": problem.running.document(),
@@ -107,6 +127,10 @@ def document(problem: PeriodicProblem) -> PlainDict:
     }
     result["objective"] = prune(result["objective"])
     return prune(result)
+
+
+def _rules_document(limits: CycleLimits | None) -> PlainDict | None:
+    return None if limits is None or limits.max_switches is None else {"max_switches": limits.max_switches}
 
 
 def _method_document(method: Method | None) -> PlainDict | None:
@@ -121,6 +145,6 @@ def _sensor_document(sensor: Sensor, problem: PeriodicProblem) -> PlainDict | st
     if sensor.name == IDLE and sensor.is_idle:
         return IDLE
     C, R = ("H", "R") if problem.discrete else ("C", "noise")
-    return {
-        "name": sensor.name, C: sensor.C.document(), R: sensor.noise.document(), "cost": sensor.cost.document(),
-    }  # fmt: skip
+    rules = {} if problem.limits is None else problem.limits.of_sensor(sensor.name)
+    values = {"name": sensor.name, C: sensor.C.document(), R: sensor.noise.document()}
+    return prune({**values, "cost": sensor.cost.document(), **rules})

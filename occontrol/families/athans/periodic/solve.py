@@ -113,7 +113,9 @@ def assemble(
     status, message = _checked(problem, cycle.cost, priors[0], plain, status)
     if status is not Status.DISAGREES:
         whole = "" if problem.sensing != "rate" else f", if changes are {problem.step:g} apart or a multiple of it"
+        rules = "" if problem.limits is None else " The bound holds without the rules, too."
         message = f"{ended}No schedule costs less than {rounded_down(bound, 7)} a {problem.per} in the long run{whole}."
+        message += rules
     letters = [problem.letters[a] for a in word]
     edges = problem.step * np.arange(len(word) + 1)
     weights = problem.weights_of([int(a) for a in word])
