@@ -74,7 +74,7 @@ def build(document: EndlessDocument, context: Context) -> PeriodicProblem:
 def _limits(document: EndlessDocument) -> CycleLimits | None:
     """The rules of the file: those of a sensor before those of all; None without any."""
     stated: list[CycleSensor] = [s for s in document.sensors if not isinstance(s, str)]  # type: ignore[attr-defined]
-    all_ = document.constraints or EndlessRules()
+    all_ = document.constraints or EndlessRules(min_on=None, max_uses=None, max_switches=None)
     found: dict[str, dict] = {}
     for key in ("min_on", "max_uses"):
         values = {s.name: getattr(s, key) if getattr(s, key) is not None else getattr(all_, key) for s in stated}  # type: ignore[attr-defined]
