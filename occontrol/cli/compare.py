@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from occontrol.cli.output import note, number, percent, print_json, print_table, with_error
+from occontrol.cli.output import note, note_linearised, number, percent, print_json, print_table, with_error
 from occontrol.cli.solve import JsonFlag, ProblemFile, run_method
 from occontrol.core.kinds import PlainDict
 from occontrol.core.problem import BaseProblem
@@ -77,6 +77,7 @@ def compare(
             print_json({"problem": problem.name, "family": problem.family, "methods": rows, "failed": failed})
         else:
             _print(rows, family.columns)
+            note_linearised(s.result for s in solutions.values())
         for name, text in failed.items():
             note(f"{name}: {text}")
         if solutions:

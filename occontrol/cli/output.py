@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 ROUNDING = 1e-12  # relative
 
@@ -102,6 +102,17 @@ def print_json(value: object) -> None:
         text = to_json(value, ascii_only=True)
     sys.stdout.write(text)
     sys.stdout.flush()
+
+
+def note_linearised(results: Iterable[Mapping[str, object]]) -> None:
+    """Say below a table that its costs and bounds are of a linearised problem, where they are.
+
+    Parameters
+    ----------
+    results : contents of result.json, or of tradeoff.json
+    """
+    if any(result.get("certificate_of") == "linearised" for result in results):
+        print("costs and bounds are of the problem linearised along its nominal path, not of the plant itself")
 
 
 def note(text: str) -> None:

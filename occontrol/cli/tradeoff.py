@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from occontrol.cli.output import number, percent, print_json, print_table
+from occontrol.cli.output import note_linearised, number, percent, print_json, print_table
 from occontrol.cli.solve import JsonFlag, ProblemFile, default_folder
 
 
@@ -57,6 +57,7 @@ def tradeoff(
             _print(content)
         else:
             _print_budgets(content)
+        note_linearised([content])
         print(f"written  {folder}/")
     return exit_code(monitor, front.status.exit_code)
 

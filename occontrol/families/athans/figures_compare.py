@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from occontrol.core.solution import Solution
 from occontrol.families.athans.base import AthansProblem
+from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.files.figures import style
 
 SAME = 1e-6  # percent by which rounding may put a cost below a bound
@@ -64,7 +65,8 @@ def draw_compare(problem: AthansProblem, solutions: Mapping[str, Solution]) -> F
             right.text(cost, place, text, va="center", fontsize=10)
         if best == best:
             right.axvline(best, color=style.SECOND, linewidth=1.5)
-            right.set_title(f"cost (line: no schedule costs less than {best:.6g})")
+            of = ", linearised" if linearisation_of(problem) is not None else ""
+            right.set_title(f"cost (line: no schedule costs less than {best:.6g}{of})")
         low, high = min(0.0, float(np.min(costs))), max(0.0, float(np.max(costs)))
         right.set_xlim(low, high + 0.45 * (high - low) if high > low else None)
         right.set_yticks([])

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.tradeoff import Front
 from occontrol.files.figures import style
 
@@ -27,7 +28,8 @@ def draw(front: Front) -> dict[str, Figure]:
 def _front(front: Front) -> Figure:
     gaps = (front.schedules.cost - front.lower_bound) / np.abs(front.schedules.cost)
     where = {"continuous": "", "grid": " on this grid", "problem": " of these readings"}[front.of]
-    subtitle = f"{len(gaps)} cost weights; no schedule{where} lies in the shaded region"
+    of = ", linearised" if linearisation_of(front.problem) is not None else ""
+    subtitle = f"{len(gaps)} cost weights; no schedule{where} lies in the shaded region{of}"
     figure = style.new_figure((13.33, 6.8), front.problem.name, subtitle)
     left, right = figure.subplots(1, 2, width_ratios=[2, 1])
     q, e = front.schedules.observation_cost, front.schedules.error

@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from occontrol.core.solution import Solution, gap_words
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.figures_compare import sizes
+from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.files.figures import style
 from occontrol.files.figures.convergence import convergence_panel, history_columns
 from occontrol.files.figures.panels import MOST_ROWS
@@ -33,8 +34,9 @@ def subtitle(problem: AthansProblem, solution: Solution) -> str:
     c = solution.numbers.top or solution.certificate
     if c is None or not np.isfinite(c.lower_bound):
         return f"{text} · cost {solution.cost:.7g}"
+    of = ", linearised" if linearisation_of(problem) is not None else ""
     pair = f"cost {c.cost:.7g}, proven bound {c.lower_bound:.7g}"
-    return f"{text} · {pair}, {gap_words(c.relative_gap, problem.logarithmic, 2)}"
+    return f"{text} · {pair}, {gap_words(c.relative_gap, problem.logarithmic, 2)}{of}"
 
 
 def _target(problem: AthansProblem) -> float | None:
@@ -105,6 +107,8 @@ def _certificate_lines(solution: Solution) -> list[str]:
     """Status and the pair at the top with what it holds for; the grid's beside one in continuous time."""
     c, top = solution.certificate, solution.numbers.top
     lines = [f"status {solution.status}"]
+    if linearisation_of(solution.problem) is not None:
+        lines.append("of the linearised problem")
     if top is not None:
         lines += ["", HOLDS_FOR[top.of], *_pair(top.cost, top.lower_bound, top.relative_gap, top.absolute)]
     if top is None or top.of == "continuous":

@@ -29,6 +29,7 @@ from occontrol.families.athans.integration.integrator import Integrator
 from occontrol.families.athans.integration.path import parts_of
 from occontrol.families.athans.integration.relaxed import relax
 from occontrol.families.athans.methods import RelaxRoundPolish
+from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling.proof import prove
 from occontrol.scheduling.relaxation import RelaxedOptions
@@ -121,6 +122,7 @@ class Front:
             "name": self.problem.name,
             "status": str(self.status),
             "of": self.of,
+            "certificate_of": "problem" if linearisation_of(self.problem) is None else "linearised",
             "points": points,
         }
 

@@ -19,7 +19,7 @@ from occontrol.core.clock import elapsed
 from occontrol.core.solution import Solution
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.nonlinear.linearise import Linearisation, linearisation_of
-from occontrol.families.athans.nonlinear.nominal import spans_of
+from occontrol.families.athans.nonlinear.nominal import and_beyond, spans_of
 from occontrol.families.athans.nonlinear.path import evaluate
 from occontrol.families.athans.nonlinear.wrap import wrapped
 from occontrol.numerics.flow import Spans
@@ -79,12 +79,13 @@ class Stages:
     substeps: int
 
 
-def stages(problem: AthansProblem) -> Stages:
+def stages(problem: AthansProblem, edges: np.ndarray | None = None) -> Stages:
     """The chain of a problem whose plant was linearised; of continuous sensing, samples at the ends of intervals.
 
     Parameters
     ----------
     problem : with a linearised plant
+    edges : (N+1,) of the intervals of continuous sensing, in the unit of time; the problem's if left out
 
     Raises TypeError for a linear one.
     """
@@ -96,7 +97,7 @@ def stages(problem: AthansProblem) -> Stages:
         since, times = nominal.since, problem.clock.times  # type: ignore[attr-defined]
         starts, N = nominal.origin + since[:-1], len(times)
         return Stages(origin, nominal.spans, starts, np.diff(since), times, np.ones(N), nominal.substeps)
-    edges = np.asarray(problem.edges, dtype=float)
+    edges = np.asarray(problem.edges if edges is None or problem.discrete else edges, dtype=float)
     if problem.discrete:
         spans, since, times = nominal.spans, edges[:-1], edges[:-1]
         still = spans_of(origin.plant, 0.0, np.zeros(2), 1)  # nothing moves before the first reading
@@ -109,10 +110,11 @@ def stages(problem: AthansProblem) -> Stages:
         return Stages(origin, chain, starts, lengths, times, np.ones(len(times)), 1)
     since = elapsed(edges)
     last = max(float(getattr(problem, "predict_at", None) or edges[-1]) - edges[0], since[-1])
-    lengths = np.diff(np.append(since, last))
-    substeps = max(1, int(np.ceil(nominal.substeps * np.max(lengths[:-1]) / np.max(np.diff(nominal.since[:-1])))))
-    spans = spans_of(origin.plant, float(edges[0]), np.append(since, last), substeps)
-    return Stages(origin, spans, edges[0] + since, lengths, edges[1:], np.diff(since), substeps)
+    whole = and_beyond(since, last)
+    lengths = np.diff(whole)
+    substeps = max(1, int(np.ceil(nominal.substeps * np.max(np.diff(since)) / np.max(np.diff(nominal.since)))))
+    spans = spans_of(origin.plant, float(edges[0]), whole, substeps)
+    return Stages(origin, spans, edges[0] + whole[:-1], lengths, edges[1:], np.diff(since), substeps)
 
 
 def nonlinearity(problem: AthansProblem, weights: np.ndarray) -> Nonlinearity:

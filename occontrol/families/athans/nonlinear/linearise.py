@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -180,13 +181,23 @@ def linearise(
                 linear[sensor.name] = Sensor(sensor.name, C, noise, sensor.cost, windows, plant.variable)
     found.raise_if_any()
     labels = {"names": plant.names, "units": tuple(plant.units)}
-    spans, mean, S0 = nominal.spans, plant.whole_mean, plant.whole_covariance
+    mean, S0 = plant.whole_mean, plant.whole_covariance
     if plant.discrete:
         F, Q = along(plant.flow.slope, path, n), along(plant.flow.noise, path, n)
         return LinearisedSteps(F=F, Q=Q, covariance=S0, mean=mean, linearised=origin_of, **labels), linear
     A, Xi = along(plant.flow.slope, path, n), along(plant.flow.noise, path, n)
-    gaps = KnownGaps(spans.transition, spans.noise, nominal.charges) if readings else None
+    gaps = _gaps(nominal, len(looked)) if readings else None
     return LinearisedPlant(A=A, noise=Xi, covariance=S0, mean=mean, linearised=origin_of, gaps=gaps, **labels), linear
+
+
+def _gaps(nominal: Nominal, readings: int) -> KnownGaps:
+    """The maps between so many readings."""
+    spans, count = nominal.spans, readings + 1
+    F, Q = np.eye(len(nominal.plant.names)), np.zeros_like(nominal.spans.noise[0])
+    for step, noise in zip(spans.transition[count:], spans.noise[count:], strict=True):
+        F, Q = step @ F, step @ Q @ step.T + noise
+    until = partial(nominal.charges, spans=count)
+    return KnownGaps(spans.transition[:count], spans.noise[:count], (F, Q), until)
 
 
 def linearisation_of(problem: object) -> Linearisation | None:

@@ -16,6 +16,7 @@ from occontrol.numerics.flow import Spans, charges, combined
 ACCURACY = 1e-10  # relative, of path and maps when the substeps are doubled
 LOOSEST = 1e-3  # what a path must reach
 MOST_STEPS = 400_000  # single Runge-Kutta steps of a whole path
+MOST_BEYOND = 1000  # spans between the end and the prediction
 MOST_HOPED = 256  # substeps with which a path that leaves the numbers is tried again
 MOST_ALONG_A_TABLE = 64  # substeps: a table is no smoother than its lines
 
@@ -80,12 +81,19 @@ class Nominal:
             return 0.0
         return difference(self.spans, spans_of(self.plant, self.origin, self.since, 2 * self.substeps), _sizes(self))
 
-    def charges(self, weight: Signal) -> tuple[np.ndarray, np.ndarray]:
-        """M (G, n, n) and c (G,) of the running integral of tr(R S) with R = `weight` (n, n), see numerics/flow.py."""
-        times = self.spans.times
+    def charges(self, weight: Signal, spans: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """M (G, n, n) and c (G,) of the running integral of tr(R S) over the first spans, see numerics/flow.py.
+
+        Parameters
+        ----------
+        weight : R, (n, n)
+        spans : how many, G; all if left out
+        """
+        some = Spans(*(part[:spans] for part in vars(self.spans).values()))
+        times = some.times
         inner = np.clip(times, times[:, :1], times[:, :1] + (times[:, -1:] - times[:, :1]) * (1 - 1e-9))
         R = np.array(weight.sample(inner.ravel())).reshape(*times.shape, *weight.shape)
-        return charges(self.spans, (R + np.swapaxes(R, 2, 3)) / 2)
+        return charges(some, (R + np.swapaxes(R, 2, 3)) / 2)
 
 
 def make_nominal(plant: FormulaPlant, origin: float, since: np.ndarray, options: IntegratorOptions) -> Nominal:
@@ -125,6 +133,21 @@ def make_nominal(plant: FormulaPlant, origin: float, since: np.ndarray, options:
         hint = "the plant is too fast for these spans: a shorter horizon, more samples, or integrator: {substeps: ..}"
         raise ProblemError(Mistake(("plant",), what, hint))
     return _nominal(plant, origin, since, max(substeps // 2, 1) if change <= accuracy else substeps)
+
+
+def and_beyond(since: np.ndarray, last: float) -> np.ndarray:
+    """Times of spans with those from their end to a `last` one, none longer than the longest before.
+
+    Parameters
+    ----------
+    since : (G+1,) times, in the unit of time
+    last : the time of the prediction; one before the end adds a span of length 0
+    """
+    end, longest = float(since[-1]), float(np.max(np.diff(since), initial=0.0))
+    if last <= end or longest == 0:
+        return np.append(since, max(last, end))
+    count = min(int(np.ceil((last - end) / longest * (1 - 1e-12))), MOST_BEYOND)
+    return np.append(since, np.append(end + (last - end) * np.arange(1, count) / count, last))
 
 
 def spans_of(plant: FormulaPlant, origin: float, since: np.ndarray, substeps: int) -> Spans:

@@ -2,7 +2,7 @@
 
 It relinearises at its own estimate (EKF), or follows sigma points (UKF), along the plan's schedule. A planned reading
 that does not come is left out. The watch adds the normalised innovations of the last readings: where they exceed what a
-consistent filter exceeds once in ten thousand times, the filter has probably lost the track.
+consistent filter exceeds once in a hundred thousand times, the filter has probably lost the track.
 Athans (1971), section 8.
 """
 
@@ -27,7 +27,7 @@ from occontrol.numerics.linalg import square_root
 
 USED = 1e-9
 WATCHED = 10  # readings whose normalised innovations are added
-RARE = 1e-4  # how often a consistent filter is called lost
+RARE = 1e-5  # how often a consistent filter is called lost
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,7 +62,7 @@ class NonlinearFilter:
     def __init__(
         self, problem: AthansProblem, schedule: Schedule, estimator: str | None = None, gate: float | None = None
     ):
-        self.chain: Stages = stages(problem)
+        self.chain: Stages = stages(problem, schedule.edges)
         origin = self.chain.origin
         name = estimator or origin.estimator
         if name not in ESTIMATORS:

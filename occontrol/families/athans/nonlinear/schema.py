@@ -19,7 +19,7 @@ from occontrol.families.athans.nonlinear.documents import (
     Replan,
 )
 from occontrol.families.athans.nonlinear.linearise import Linearisation, Replanning, linearise
-from occontrol.families.athans.nonlinear.nominal import IntegratorOptions
+from occontrol.families.athans.nonlinear.nominal import IntegratorOptions, and_beyond
 from occontrol.families.athans.nonlinear.plant import FormulaPlant, wrong_names
 from occontrol.families.athans.nonlinear.sensor import FormulaSensor
 from occontrol.files.schema.common import Context, prune
@@ -124,7 +124,7 @@ def read_rate_system(
         # not the edges: a solver may add some, and the path of the run that it writes is to be the same
         start, length = float(times[0]), float(times[-1] - times[0])
         since = length * np.arange(RATE_SPANS + 1) / RATE_SPANS
-        since = np.append(since, max((times[-1] if predict_at is None else predict_at) - start, length))
+        since = and_beyond(since, (times[-1] if predict_at is None else predict_at) - start)
     found = read_system(document, "rate", start, since, times[[0, -1]] if len(times) else times, context)
     return (None, []) if found is None else (cast(LinearPlant, found[0]), found[1])
 

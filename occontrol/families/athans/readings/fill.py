@@ -102,11 +102,11 @@ def _samples(problem: ReadingsProblem, S0: np.ndarray) -> tuple[np.ndarray, np.n
     n, since, start = problem.states, cast(SampleTimes, problem.clock).since, problem.clock.start
     a, b = since[:-1], since[1:]
     if (known := problem.gaps) is not None:  # of a linearised plant
-        F, Q = known.transition[:-1], known.noise[:-1]
+        F, Q = known.transition, known.noise
         if problem.running is None or problem.running_at != "integral":
             return F, Q, _symmetric(problem.running, problem.clock.times, n), 0.0
         M, c = known.charges(problem.running)
-        return F, Q, M[1:-1], float(np.sum(M[0] * S0)) + float(np.sum(c[:-1]))
+        return F, Q, M[1:], float(np.sum(M[0] * S0)) + float(np.sum(c))
     if problem.running is None or problem.running_at != "integral":
         F, Q = transitions(problem.plant.A, problem.plant.noise, a, b, start)
         return F, Q, _symmetric(problem.running, problem.clock.times, n), 0.0
@@ -126,7 +126,7 @@ def terminal_output(problem: ReadingsProblem) -> tuple[np.ndarray, float]:
     if problem.discrete:
         return D, 0.0
     if (known := problem.gaps) is not None:
-        return D @ known.transition[-1], float(np.trace(D @ known.noise[-1] @ D.T))
+        return D @ known.beyond[0], float(np.trace(D @ known.beyond[1] @ D.T))
     start, last = problem.clock.start, cast(SampleTimes, problem.clock).since[-1:]
     at = np.array([float(problem.predict_at or 0.0) - start])
     F, Q = transitions(problem.plant.A, problem.plant.noise, np.minimum(last, at), at, start)

@@ -12,15 +12,17 @@ from occontrol.core.signal import Signal
 
 @dataclass(frozen=True, eq=False)
 class KnownGaps:
-    """The maps of N+2 spans: to the first of N readings, between them, on to the end, and on to the prediction.
+    """The maps of N+1 spans, to the first of N readings, between them and on to the end; and that to the prediction.
 
     Parameters
     ----------
-    transition : (N+2, n, n) F
-    noise : (N+2, n, n) Q, covariance that the plant noise adds over a span
-    charges : R, (n, n) Signal -> M (N+2, n, n) and c (N+2,) with int tr(R S) dt = tr(M S) + c over a span
+    transition : (N+1, n, n) F
+    noise : (N+1, n, n) Q, covariance that the plant noise adds over a span
+    beyond : F and Q (n, n) from the end to the prediction
+    charges : R, (n, n) Signal -> M (N+1, n, n) and c (N+1,) with int tr(R S) dt = tr(M S) + c over a span
     """
 
     transition: np.ndarray
     noise: np.ndarray
+    beyond: tuple[np.ndarray, np.ndarray]
     charges: Callable[[Signal], tuple[np.ndarray, np.ndarray]]

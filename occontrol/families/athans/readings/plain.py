@@ -127,9 +127,9 @@ class Gaps:
         start, since = problem.clock.start, cast(SampleTimes, problem.clock).since
         self._integral = problem.running is not None and problem.running_at == "integral"
         if (known := problem.gaps) is not None:  # of a linearised plant, whose maps are what is given
-            self._Phi, self._N, self.beyond = known.transition[:-1], known.noise[:-1], known.transition[-1]
+            self._Phi, self._N, self.beyond = known.transition, known.noise, known.beyond[0]
             if self._integral:
-                self._M, self._c = (part[:-1] for part in known.charges(cast(Signal, problem.running)))
+                self._M, self._c = known.charges(cast(Signal, problem.running))
             return
         self._Phi, self._N, self._M, self._c = _integrated(problem, since[:-1], since[1:], self._integral)
         last = float(problem.predict_at or 0.0) - start

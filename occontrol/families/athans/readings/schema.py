@@ -15,6 +15,7 @@ from occontrol.families.athans.growth import beyond_numbers
 from occontrol.families.athans.methods import ALL_METHODS
 from occontrol.families.athans.nonlinear.documents import FormulaSamplesDocument, FormulaStepsDocument
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
+from occontrol.families.athans.nonlinear.nominal import and_beyond
 from occontrol.families.athans.nonlinear.schema import options_documents, read_system, sensor_document
 from occontrol.families.athans.nonlinear.schema import plant_document as formula_plant_document
 from occontrol.families.athans.readings.clock import SampleTimes, Steps, evenly
@@ -108,8 +109,8 @@ def _system(
     if isinstance(document, FormulaStepsDocument | FormulaSamplesDocument):
         origin, since = (0.0, np.zeros(0)) if clock is None else (clock.start, clock.nodes)
         if isinstance(clock, SampleTimes):
-            later = (document.horizon.predict_at or clock.end) - clock.start  # type: ignore[union-attr]
-            since = np.append(clock.since, max(later, clock.since[-1]))
+            at = document.horizon.predict_at  # type: ignore[union-attr]
+            since = and_beyond(clock.since, (clock.end if at is None else at) - clock.start)
         looked = np.zeros(0) if clock is None else clock.times
         kind = "steps" if isinstance(document, FormulaStepsDocument) else "samples"
         return read_system(document, kind, origin, since, looked, context) or (None, [])

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from occontrol.api import document, read_problem, read_run, run_filter, simulate, solve
+from occontrol.api import document, plot, read_problem, read_run, run_filter, simulate, solve
 from occontrol.cli import run
 from occontrol.core.errors import ProblemError, UsageError
 from tests.families.athans.nonlinear.cases import BEARINGS, PENDULUM, SENSED, STEPPED, read
@@ -50,6 +50,21 @@ def test_a_run_holds_all_that_its_filter_needs(name, tmp_path, capsys):
     measurements, truth = simulate(problem, solution, 3)
     estimate = run_filter(problem, solution, measurements)
     assert len(estimate.times) == len(truth.times)
+
+
+def test_tables_and_pictures_say_whose_bound_they_show(tmp_path, capsys):
+    file = tmp_path / "case.yaml"
+    file.write_text(BEARINGS)
+    assert run(["compare", str(file), "--methods", "greedy,best-single", "--out", str(tmp_path / "c")]) == 0
+    assert "costs and bounds are of the problem linearised" in capsys.readouterr().out
+    priced = PENDULUM.replace("samples: 30", "samples: 6")
+    file.write_text(priced)
+    assert run(["tradeoff", str(file), "--weights", "1e-3:1e-2:2", "--out", str(tmp_path / "t")]) == 0
+    assert "costs and bounds are of the problem linearised" in capsys.readouterr().out
+    assert json.loads((tmp_path / "t" / "tradeoff.json").read_text())["certificate_of"] == "linearised"
+    problem = read(BEARINGS, tmp_path)
+    figure = plot(solve(problem, "greedy"), figure="overview")
+    assert any("linearised" in text.get_text() for text in figure.texts)
 
 
 def test_linear_plants_say_that_their_certificate_is_of_the_problem(small_solution):
