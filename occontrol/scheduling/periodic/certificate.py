@@ -135,7 +135,7 @@ def checked_bound(proof: TreeProof, letters: Letters, smallest: np.ndarray) -> f
         scaled[~usable] = 0.0
         negative = np.sum(np.minimum(np.linalg.eigvalsh(scaled), 0.0), axis=1)
         tangent = np.einsum("kij,kij->k", slope, proof.points)
-        allowance = ROUNDING * n * (1 + strongest + largest)
+        allowance = ROUNDING * n * (1 + strongest) * (1 + largest)
         allowance = allowance * (size + np.abs(last) + np.sum(np.abs(scaled), axis=(1, 2)))
         bounds = (value - tangent + negative * (1 + 1e-12) - allowance) / lengths
     bounds[~usable | ~np.isfinite(bounds)] = -np.inf

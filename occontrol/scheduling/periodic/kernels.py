@@ -167,7 +167,7 @@ def minimise(F, Q, L, seen, weight, constant, word, before, after, start, enough
     step = 0.1 / length if length > 0 else 1.0
     for count in range(most):
         bound = below(value, U, G)
-        slack = ROUNDING * n * (1 + strongest + largest) * (size + np.sum(np.abs(G)))
+        slack = ROUNDING * n * (1 + strongest) * (1 + largest) * (size + np.sum(np.abs(G)))
         if bound - slack > best - allowance:
             best, where, allowance = bound, U.copy(), slack
         lowest = min(lowest, value)

@@ -116,6 +116,17 @@ def test_the_allowance_covers_what_rounding_does_to_a_bound(make) -> None:
         assert allowance <= 1e-6 * abs(bound)
 
 
+def test_accurate_sensors_do_not_put_a_bound_above_what_is_exact() -> None:
+    """A plant whose readings are a hundred thousand times better than its noise: rounding is largest there."""
+    letters, _ = in_units(random_plant(14, 3, 2))
+    cycle = cycle_of(letters, np.array([0]))
+    assert cycle is not None
+    Z = potentials(letters, cycle)["harmonic mean of the cycle"]
+    for word in ([1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0], [1, 0, 0, 0, 1, 0, 0, 0, 0]):
+        bound, _, allowance, where = minimise(*letters.arrays, np.array(word), Z, Z, 0.5 * np.eye(3), np.inf, 60, 0.0)
+        assert bound - allowance <= exact_tangent(letters, word, Z, where)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_cycle_costs_what_a_filter_that_is_iterated_says(seed: int) -> None:
     letters = random_plant(seed, 2 + seed % 2, 2 + seed % 2)

@@ -16,7 +16,7 @@ from occontrol.families.athans.periodic.text import rounded_down
 from occontrol.families.athans.periodic.transient import transient
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers, TopNumbers
 from occontrol.numerics.linalg import symmetrise
-from occontrol.scheduling.periodic.certificate import TreeProof
+from occontrol.scheduling.periodic.certificate import TreeProof, checked_bound
 from occontrol.scheduling.periodic.potential import Cycle
 
 PROOF = ("proof_words", "proof_points", "proof_potential")
@@ -37,7 +37,11 @@ def solve(problem: PeriodicProblem, method: Periodic, monitor: Monitor) -> Solut
     setting = setting_of(problem)
     proven = prove(problem, setting, method, monitor)
     proof = None if proven.tree is None else proof_of(proven.tree, setting.root)
-    tree_bound = None if proven.tree is None else proven.tree.bound
+    tree_bound = None
+    if proven.tree is not None and proof is not None:
+        # two codes whose rounding differs: what stands is what both prove
+        checked = checked_bound(proof, setting.filled.letters, setting.filled.smallest)
+        tree_bound = min(proven.tree.bound, checked) if np.isfinite(checked) else None
     bounds = {"averaged": proven.averaged.lower_bound, "tree": tree_bound}
     best = max(b for b in bounds.values() if b is not None)
     ended = "" if proven.tree is None else _how(proven, method, monitor)
