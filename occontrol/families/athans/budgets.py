@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from occontrol.core.errors import FileAccessError, InfeasibleError, ProblemError, SolveFailed
+from occontrol.core.errors import FileAccessError, InfeasibleError, ProblemError, SolveFailed, UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.base import AthansProblem
@@ -110,8 +110,12 @@ def budgets(problem: AthansProblem, caps: Sequence[float], family: Family, monit
     family : that solves the problem
     monitor : Monitor; interrupted, the points found so far are returned
 
-    Raises ProblemError when no sensor costs anything, InfeasibleError when no cap leaves a schedule.
+    Raises ProblemError when no sensor costs anything, InfeasibleError when no cap leaves a schedule, UsageError for a
+    criterion other than the trace and without a prior.
     """
+    if problem.measured or not problem.prior:
+        what = "fronts over caps " + ("are of the trace" if problem.measured else "need an initial covariance")
+        raise UsageError(f"{what}\n  hint: solve with several values of objective.cost_weight")
     family.require_feasible(problem)
     at = np.concatenate([problem.edges, (problem.edges[1:] + problem.edges[:-1]) / 2])
     if not any(np.any(s.cost.sample(at)) for s in problem.sensors if s.rows):

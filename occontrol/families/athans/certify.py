@@ -14,9 +14,12 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.assembly import assemble
 from occontrol.families.athans.balanced import balanced, restored
+from occontrol.families.athans.criteria.rate import judge_rate
+from occontrol.families.athans.criteria.statement import refuse_rules
 from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.integration.refine import relax_and_refine
+from occontrol.families.athans.methods import Relaxed
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult
 from occontrol.files.segments import as_read
@@ -40,6 +43,7 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
         from occontrol.families.athans.rules.certify import certify_ruled
 
         return certify_ruled(problem, schedule, claims)
+    refuse_rules(problem)
     started = stopwatch.seconds()
     monitor = Monitor()
     problem, weights = on_common_grid(problem, as_read(schedule, problem))
@@ -47,14 +51,21 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     if mistakes := feasible_set(problem).check(weights):
         raise ProblemError(mistakes)
     gap = getattr(problem.method, "relative_gap", 1e-4)
+    if problem.measured:
+        solution, known = judge_rate(problem, weights, Relaxed(gap))
+        return _refuted(solution, claims, known)
     inner, units = balanced(problem)
     integrator, sweep = relax_and_refine(inner, RelaxedOptions(gap), monitor, refine=False)
     relaxed = sweep.outcome
     found = Found(weights, relaxed.iterations, relaxed.status, "", relaxed, target=gap)
     solution = assemble(inner, "certify", integrator, sweep, found, monitor, started)
-    solution = restored(solution, problem, units)
+    return _refuted(restored(solution, problem, units), claims, relaxed.cost)
+
+
+def _refuted(solution: Solution, claims: Claims | None, known: float) -> Solution:
+    """The solution, `disagrees` where claims are refuted by it or by a policy whose cost is known."""
     if claims is not None and solution.certificate is not None:
-        lowest = min(relaxed.cost, solution.certificate.cost)
+        lowest = min(known, solution.certificate.cost)
         numbers: AthansResult = solution.numbers  # type: ignore[assignment]
         continuous = None if numbers.continuous is None else numbers.continuous.cost
         refuted = false_claims(claims, solution.certificate.cost, lowest, continuous, parts_of(numbers))

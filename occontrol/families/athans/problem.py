@@ -18,6 +18,8 @@ from occontrol.core.plant import LinearPlant
 from occontrol.core.sensor import Sensor, SensorSuite
 from occontrol.core.signal import Signal, TableSignal, as_signal
 from occontrol.families.athans.base import AthansProblem
+from occontrol.families.athans.criteria.statement import CriterionChoice
+from occontrol.families.athans.criteria.statement import mistakes_of as wrong_criterion
 from occontrol.families.athans.integration.edges import fitted_edges, missed_windows
 from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.rules.statement import Constraints
@@ -48,6 +50,7 @@ class SchedulingProblem(AthansProblem):
     rules : Constraints that a schedule has to keep, or None
     minimise : "cost", "error" (without the observation cost) or "observation" (that alone, not weighted)
     calendar : what the times are as dates, or None
+    criterion : CriterionChoice of the outputs' covariance; None is its trace
 
     Ends of windows and jumps of held tables become edges beside those given, see `added_edges` and Integration.
     Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
@@ -70,6 +73,7 @@ class SchedulingProblem(AthansProblem):
     rules: Constraints | None = None
     minimise: str = "cost"
     calendar: Calendar | None = None
+    criterion: CriterionChoice | None = None
     family: str = field(default="athans", init=False)
     added_edges: tuple[tuple[float, str], ...] = field(default=(), init=False, repr=False)
     warnings: tuple[str, ...] = field(default=(), init=False, repr=False)
@@ -95,6 +99,7 @@ class SchedulingProblem(AthansProblem):
         if not isinstance(self.sensors, SensorSuite):  # repeated names do not hide what else is wrong
             object.__setattr__(self, "sensors", tuple(self.sensors))
         found.mistakes += self.integration.mistakes()
+        found.mistakes += wrong_criterion(self) if len(self.edges) else []
         found.mistakes += rule_mistakes(self.rules, self.minimise, self.sensors, self.select)
         found.mistakes += self._shapes()
         if not found.mistakes:

@@ -61,6 +61,12 @@ class RateFamily(Family):
         from occontrol.families.athans.discretise import feasible_set
         from occontrol.families.athans.integration.refine import search_space
 
+        if problem.measured:
+            from occontrol.families.athans.criteria.rate import solve_rate
+            from occontrol.families.athans.criteria.statement import refuse_rules
+
+            refuse_rules(problem)
+            return solve_rate(problem, method, monitor)
         if problem.ruled or getattr(method, "exact_options", None) is not None or getattr(method, "off_grid", False):
             from occontrol.families.athans.rules.solve import solve_ruled
 
@@ -199,6 +205,9 @@ class RateFamily(Family):
         """Observation cost against prediction error over the cost weight alpha; UsageError for rules."""
         from occontrol.families.athans.tradeoff import tradeoff
 
+        if problem.criterion is not None and problem.measured:
+            what = f"tradeoff does not do the criterion {problem.criterion.name}"
+            raise UsageError(f"{what}\n  hint: solve with several values of objective.cost_weight")
         if problem.ruled:
             what = "tradeoff does not do rules on schedules"
             raise UsageError(f"{what}\n  hint: tradeoff --budget FROM:TO:COUNT")

@@ -12,6 +12,7 @@ from occontrol.core.errors import ProblemError
 from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal
+from occontrol.families.athans.criteria.schema import CriterionKeys, choice_of
 from occontrol.families.athans.growth import beyond_numbers
 from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.methods import ALL_METHODS
@@ -93,6 +94,7 @@ class Objective(Strict):
     output: Matrix = Field(description="output: the rows D of what is to be predicted")
     running: Matrix = None
     minimise: Literal["cost", "error", "observation"] = "cost"
+    criterion: CriterionKeys | None = None
 
 
 class Document(ProblemDocument):
@@ -192,6 +194,7 @@ def build(
         rules=constraints(document.constraints, document.sensors),
         minimise=objective.minimise,
         calendar=context.calendar,
+        criterion=choice_of(objective.criterion),
         integration=Integration(**{f.name: getattr(document.horizon, f.name) for f in fields(Integration)}),
     )
     if edges is None:
@@ -243,6 +246,7 @@ def document(problem: SchedulingProblem | ReadingsProblem | TargetsProblem | Per
                 "output": problem.output.document(),
                 "running": or_none(problem.running),
                 "minimise": None if problem.minimise == "cost" else problem.minimise,
+                "criterion": None if problem.criterion is None else problem.criterion.document(),
             }
         ),
         "method": options_document(problem.method),

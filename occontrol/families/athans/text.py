@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from occontrol.core.solution import Solution
+from occontrol.core.solution import Solution, gap_words
 from occontrol.families.athans.inspection import inspect
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult, TopNumbers
@@ -37,10 +37,10 @@ def summarise(solution: Solution) -> list[tuple[str, str]]:
     lines = [
         ("method", f"{solution.method}, {solution.iterations} iterations, {solution.seconds:.2f} s"),
         ("cost", f"{top.cost:.8g}"),
-        ("lower bound", f"{top.lower_bound:.8g}   gap {100 * top.relative_gap:.3g} %, {which}"),
+        ("lower bound", f"{top.lower_bound:.8g}   {gap_words(top.relative_gap, top.absolute)}, {which}"),
     ]
     if top.of == "continuous":
-        text = f"cost {r.cost:.8g}   bound {r.lower_bound:.8g}   gap {100 * r.relative_gap:.3g} %"
+        text = f"cost {r.cost:.8g}   bound {r.lower_bound:.8g}   {gap_words(r.relative_gap, top.absolute)}"
         lines.append(("on the grid", text))
     elif r.continuous is not None and r.continuous.reason:
         lines.append(("continuous", f"not computed: {r.continuous.reason.splitlines()[0]}"))
@@ -51,7 +51,10 @@ def summarise(solution: Solution) -> list[tuple[str, str]]:
         lines += prices(r)
     changed = f", changes {r.switching_cost:.6g}" if r.switching_cost else ""
     observed = f"observation {r.observation_cost:.6g} x {r.cost_weight:g}"
-    parts = f"{observed}, running {r.running_cost:.6g}, prediction {r.prediction_error:.6g}{changed}"
+    last = f"prediction {r.prediction_error:.6g}"
+    if r.criterion is not None:
+        last = f"criterion {r.criterion:.8g}; trace at the end {r.prediction_error:.6g}"
+    parts = f"{observed}, running {r.running_cost:.6g}, {last}{changed}"
     lines.append(("parts", parts))
     singular = "" if r.singular_fraction is None else f"   singular on {100 * r.singular_fraction:.3g} % of the horizon"
     lines.append(("switches", f"{r.switches}{singular}"))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from occontrol.core.errors import Collector, Mistake, suggest
+from occontrol.core.errors import Collector, Mistake, UsageError, suggest
 from occontrol.core.kinds import PlainDict
 
 if TYPE_CHECKING:
@@ -114,6 +114,17 @@ class CriterionChoice:
         """As it stands in a problem file."""
         values = {"name": self.name, "p": self.p, "at": self.at, "from": self.since, "limit": self.limit}
         return {key: value for key, value in values.items() if value is not None}
+
+
+def refuse_rules(problem: AthansProblem) -> None:
+    """UsageError where a criterion other than the trace stands beside rules on schedules.
+
+    Parameters
+    ----------
+    problem : of the family
+    """
+    if problem.measured and problem.ruled:
+        raise UsageError("a criterion other than the trace does not go with rules on schedules\n  hint: leave them out")
 
 
 def mistakes_of(problem: AthansProblem) -> list[Mistake]:

@@ -7,17 +7,18 @@ import dataclasses
 import numpy as np
 
 from occontrol.core.claims import Claims, false_claims
-from occontrol.core.errors import ProblemError, UsageError
+from occontrol.core.errors import ProblemError
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.certify import parts_of
 from occontrol.families.athans.criteria.design import judge_design
 from occontrol.families.athans.criteria.readings import judge_measured
+from occontrol.families.athans.criteria.statement import refuse_rules
 from occontrol.families.athans.readings.fill import feasible_set
 from occontrol.families.athans.readings.filter import weights_on
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.readings.ruled import certify_ruled
-from occontrol.families.athans.readings.solve import NO_RULES, judged, rounded_cost
+from occontrol.families.athans.readings.solve import judged, rounded_cost
 from occontrol.files.segments import as_read
 
 SAME = 1e-9
@@ -36,8 +37,7 @@ def certify(problem: ReadingsProblem, schedule: Schedule, claims: Claims | None 
     an epoch, breaks a window or a rule, or reads too many or too few sensors; UsageError for rules beside a criterion
     that is not the trace.
     """
-    if problem.measured and problem.ruled:
-        raise UsageError(NO_RULES)
+    refuse_rules(problem)
     if problem.ruled:
         return certify_ruled(problem, on_decisions(problem, weights_on(problem, as_read(schedule, problem))), claims)
     problem.require_feasible()

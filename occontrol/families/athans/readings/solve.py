@@ -11,6 +11,7 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution
 from occontrol.families.athans.criteria.design import solve_design
 from occontrol.families.athans.criteria.readings import solve_measured
+from occontrol.families.athans.criteria.statement import refuse_rules
 from occontrol.families.athans.found import Found, relax
 from occontrol.families.athans.methods import Collocation, Relaxed, RelaxRoundPolish
 from occontrol.families.athans.readings.assembly import assemble
@@ -22,8 +23,6 @@ from occontrol.families.athans.readings.ruled import solve_ruled
 from occontrol.scheduling.budget import BudgetSet
 from occontrol.scheduling.rounding import roundings
 from occontrol.scheduling.sweep import Sweep
-
-NO_RULES = "a criterion other than the trace does not go with rules on schedules yet\n  hint: leave the rules out"
 
 
 def solve(problem: ReadingsProblem, method: Method, monitor: Monitor) -> Solution:
@@ -39,8 +38,7 @@ def solve(problem: ReadingsProblem, method: Method, monitor: Monitor) -> Solutio
     """
     if isinstance(method, Collocation):
         raise UsageError("collocation does not do readings at instants\n  hint: method: schedule, or relaxed")
-    if problem.measured and problem.ruled:
-        raise UsageError(NO_RULES)
+    refuse_rules(problem)
     if not problem.prior:
         return solve_design(problem, method, monitor)
     if problem.measured:
