@@ -27,6 +27,8 @@ _COMMON: Mapping[str, tuple[str, ...]] = {
         "certify", "document", "export_run", "json_schema", "online", "plot", "read_measurements", "read_problem",
         "read_run", "read_schedule", "run_filter", "simulate", "solve", "tradeoff", "write_run",
     ),
+    "files.frames": ("to_frame", "to_xarray"),
+    "adapters.state_space": ("matrices_of", "plant_from"),
     "core.claims": ("Claims",),
     "core.errors": (
         "FileAccessError", "InfeasibleError", "OccontrolError", "ProblemError", "SolveFailed", "UsageError",

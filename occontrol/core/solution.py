@@ -138,7 +138,7 @@ def gap_words(gap: float, absolute: bool = False, digits: int = 3) -> str:
     return f"gap {gap:.{digits}g} (a difference)" if absolute else f"gap {100 * gap:.{digits}g} %"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """The outcome of one method on one problem.
 
@@ -188,6 +188,24 @@ class Solution:
     def cost(self) -> float:
         """The cost of the discretised problem; AttributeError for families whose result has none."""
         return float(self.numbers.cost)
+
+    def __repr__(self) -> str:
+        parts = [self.family, str(self.status)]
+        if self.certificate is not None:
+            c = self.certificate
+            parts += [f"cost {c.cost:.5g}", f"bound {c.lower_bound:.5g}", f"gap {100 * c.relative_gap:.2g} %"]
+        return f"<{' '.join(parts)}>"
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        from html import escape
+
+        rows = [("problem", str(getattr(self.problem, "name", ""))), ("method", self.method)]
+        rows += [("status", f"{self.status}: {self.message or self.status.text}")]
+        if self.certificate is not None:
+            rows += [(key.replace("_", " "), f"{value:.8g}") for key, value in self.certificate.as_dict().items()]
+        cells = (f"<tr><th>{escape(key)}</th><td>{escape(value)}</td></tr>" for key, value in rows)
+        return f"<table>{''.join(cells)}</table>"
 
     def as_dict(self) -> PlainDict:
         """The content of result.json."""

@@ -24,6 +24,7 @@ FORMATS = {
     "npz": "export.npz",
     "mat": "export.mat",
     "c": "export.h",
+    "nc": "export.nc",
     "matlab": "matlab",
 }
 # what a target compiles instead of reading it, see api/target.py
