@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 class ScheduledSensorManager(SensorManager):
     """Gives the sensors that a schedule uses at a time their default action, and the others none."""
 
-    schedule: Schedule = Property(doc="What to fly")
-    start: datetime = Property(doc="The instant of t = 0")
-    names: Mapping = Property(doc="{Stone Soup's sensor: its name in the schedule}")
-    unit: str = Property(default="s", doc="What t counts: s, min, h or d")
+    schedule: Schedule = Property(doc="What to fly")  # type: ignore[assignment]
+    start: datetime = Property(doc="The instant of t = 0")  # type: ignore[assignment]
+    names: Mapping = Property(doc="{Stone Soup's sensor: its name in the schedule}")  # type: ignore[assignment]
+    unit: str = Property(default="s", doc="What t counts: s, min, h or d")  # type: ignore[assignment]
 
     def time_of(self, timestamp: datetime) -> float:
         """t of an instant, in the unit of time.
@@ -66,7 +66,8 @@ class ScheduledSensorManager(SensorManager):
     def choose_actions(self, timestamp: datetime, nchoose: int = 1, **kwargs: object) -> list[dict]:
         """One choice {sensor: its default actions} of the sensors in use at `timestamp`."""
         used = set(self.in_use(timestamp))
-        return [{each: list(_defaults(each, timestamp)) for each in self.sensors if self.names.get(each) in used}]
+        sensors: set = self.sensors  # type: ignore[assignment]
+        return [{each: list(_defaults(each, timestamp)) for each in sensors if self.names.get(each) in used}]
 
 
 def _defaults(sensor: ItsSensor, timestamp: datetime) -> list:
