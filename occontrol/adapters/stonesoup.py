@@ -86,6 +86,8 @@ def models(plant: LinearPlant, sensor: Sensor, step: float) -> tuple[object, obj
     plant : LinearPlant that does not vary with time
     sensor : of rate, whose noise is an intensity
     step : length of the step, in the unit of time
+
+    Raises UsageError for what varies with time, and for a C that does more than pick states.
     """
     if not (plant.A.constant and plant.noise.constant and sensor.C.constant and sensor.noise.constant):
         raise UsageError("Stone Soup's models here do not vary with time, and this plant or sensor does")
