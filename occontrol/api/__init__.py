@@ -13,7 +13,7 @@ from occontrol.api.files import (
     read_schedule,
     write_run,
 )
-from occontrol.api.pages import rewrite_report, write_comparison, write_report
+from occontrol.api.pages import rewrite_report, write_comparison, write_estimate_page, write_report
 from occontrol.api.problems import (
     certify,
     choose_method,
@@ -60,6 +60,7 @@ __all__ = [
     "solve",
     "tradeoff",
     "write_comparison",
+    "write_estimate_page",
     "write_report",
     "write_run",
 ]

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from occontrol.api.files import document, read_run
 from occontrol.api.problems import compare_figure, family_of, figures_of
 from occontrol.core.kinds import PlainMapping
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
+from occontrol.core.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from occontrol.core.measurement import Estimate
 
 
 def write_report(
@@ -97,3 +102,40 @@ def write_comparison(folder: Path, problem: BaseProblem, solutions: Mapping[str,
     figures = {} if figure is None else {"compare": figure}
     title, path = str(problem.name), folder / "compare.html"
     return write_records_page(path, title, "methods compared", rows, figures, sentences=said, groups=groups)
+
+
+def write_estimate_page(
+    path: Path,
+    problem: BaseProblem,
+    solution: Solution,
+    estimate: Estimate,
+    truth: Trajectory | None = None,
+    notes: Sequence[str] = (),
+) -> list[Path]:
+    """The pictures of a filter run as STEM.NAME.png, and the page that holds them; the files written.
+
+    Parameters
+    ----------
+    path : of the page
+    problem, solution : that the run belongs to
+    estimate : of the filter
+    truth : true states at the same times, where they are known
+    notes : sentences to stand on the page
+
+    Raises FileAccessError.
+    """
+    from occontrol.files.page.content import Page
+    from occontrol.files.page.document import write_page
+    from occontrol.files.page.estimate import estimate_facts, estimate_groups
+    from occontrol.files.page.pictures import pictures_of
+
+    family = family_of(problem)
+    figures = family.estimate_figures(problem, solution, estimate, truth)
+    page = Page(
+        title=str(problem.name),
+        kind=f"filter run, {len(estimate.times)} estimates",
+        facts=estimate_facts(estimate, notes),
+        groups=estimate_groups(problem, solution, estimate, truth, *family.estimate_band),
+        pictures=pictures_of(figures, path.parent, prefix=f"{path.stem}."),
+    )
+    return [*(path.with_name(f"{path.stem}.{name}.png") for name in figures), write_page(path, page)]

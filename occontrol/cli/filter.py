@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -68,8 +69,10 @@ def filter_measurements(
         raise UsageError("a file is needed for the estimates\n  hint: --out estimate.csv")
     beside = measurements.with_name(measurements.stem + ".truth.csv")
     source = truth or (beside if beside.exists() else None)
-    refuse_same([out], [measurements, source])
-    refuse_run_files(run, out)
+    page = out.with_name(f"{out.stem}.html")
+    refuse_same([out, page], [measurements, source])
+    for target in (out, page):
+        refuse_run_files(run, target)
     problem, solution = read_run(run)
     samples, shifted = read_measurements(measurements, problem), ""
     try:
@@ -81,11 +84,12 @@ def filter_measurements(
     known = None if source is None else read_truth(source, estimate.times, estimate.mean.shape[1])
     nees = None if known is None else judge_run(estimate, known).nees[0]
     write_estimate(out, estimate, state_names(problem), nees, calendar_of(problem))
-    for remark in [shifted] * bool(shifted) + list(estimate.notes):
-        note(remark)
+    said = [shifted] * bool(shifted) + list(estimate.notes)
     if known is not None:
-        note(family_of(problem).truth_remark(estimate, known, source))
-    written = _draw(problem, solution, estimate, known, out) if figures else []
+        said.append(family_of(problem).truth_remark(estimate, known, source))
+    for remark in said:
+        note(remark)
+    written = _draw(problem, solution, estimate, known, page, said) if figures else []
     note(f"{len(estimate.times)} estimates in {out}" + (f", pictures in {', '.join(written)}" if written else ""))
     return 0
 
@@ -114,19 +118,18 @@ def _in_file(mistake: Mistake, file: Path) -> Mistake:
 
 
 def _draw(
-    problem: BaseProblem, solution: Solution, estimate: Estimate, truth: Trajectory | None, out: Path
+    problem: BaseProblem,
+    solution: Solution,
+    estimate: Estimate,
+    truth: Trajectory | None,
+    page: Path,
+    said: Sequence[str],
 ) -> list[str]:
-    from occontrol.api import estimate_figures
-    from occontrol.files.figures import save
+    from occontrol.api import write_estimate_page
 
     try:
-        drawn = estimate_figures(problem, solution, estimate, truth)
+        written = write_estimate_page(page, problem, solution, estimate, truth, said)
     except (ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RuntimeError) as error:
         note(f"the pictures could not be drawn: {type(error).__name__}: {error}")
         return []
-    names = []
-    for name, figure in drawn.items():
-        path = out.with_name(f"{out.stem}.{name}.png")
-        save(figure, path)
-        names.append(path.name)
-    return names
+    return [path.name for path in written]

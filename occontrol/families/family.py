@@ -65,6 +65,7 @@ class Family(Protocol):
     abilities : what it can do beside solve, describe, summarise and draw
     filter_options : the options that `run_filter` takes by name
     compared_curve : arrays of times and values of one curve of a solution, and what it is, that methods are compared by
+    estimate_band : half width of the bands of an estimate, in standard deviations, and what they are in words
     begins_anew : why a solve that is resumed begins anew; empty where a method can go on from an earlier solution
     seed_paths : the keys of a problem file that hold seeds of random numbers
     problem_type : the frozen dataclass of its problems (with `name`, `family`, `method`)
@@ -80,6 +81,7 @@ class Family(Protocol):
     abilities: ClassVar[frozenset[Ability]]
     filter_options: ClassVar[Sequence[str]] = ()
     compared_curve: ClassVar[tuple[str, str, str] | None] = None
+    estimate_band: ClassVar[tuple[float, str]] = (2.0, "two standard deviations")
     begins_anew: ClassVar[str] = ""
     seed_paths: ClassVar[Sequence[str]] = ()
     problem_type: ClassVar[type]

@@ -10,9 +10,11 @@ import pytest
 
 import occontrol
 from occontrol.api import write_comparison
+from occontrol.cli import run
 from occontrol.cli.compare import comparison
 from occontrol.families.athans.front_folder import front_groups
 from occontrol.files.figures.style import house_style, new_figure
+from occontrol.files.page.estimate import estimate_groups
 from occontrol.files.page.records import records_table, write_records_page
 
 
@@ -78,3 +80,26 @@ def test_the_front_and_its_bound(small_solution, tmp_path: Path) -> None:
     }  # fmt: skip
     text = (tmp_path / "tradeoff.html").read_text()
     assert all(repr(point["cost"]) in text for point in front.as_dict()["points"])
+
+
+def test_the_page_of_a_filter_run(small_solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    problem = small_solution.problem
+    occontrol.write_run(tmp_path / "run", problem, small_solution, lambda s, _: (s / "report.html").write_text("x"))
+    monkeypatch.setattr("occontrol.families.athans.family.AthansFamily.estimate_figures", lambda *_: {})
+    monkeypatch.chdir(tmp_path)
+    problem_file = str(tmp_path / "run/problem.json")
+    assert run(["simulate", problem_file, "--run", "run", "--out", "m.csv", "--seed", "1"]) == 0
+    assert run(["filter", "run", "m.csv", "--out", "e.csv"]) == 0
+    assert "estimates in e.csv, pictures in e.html" in capsys.readouterr().err
+    text = Path("e.html").read_text()
+    assert "NIS per value" in text and "NEES against m.truth.csv" in text
+    estimate = occontrol.run_filter(problem, small_solution, occontrol.read_measurements("m.csv", problem))
+    used = estimate.dimension > 0
+    (group,) = estimate_groups(problem, small_solution, estimate, None)
+    titles = [panel.title for panel in group.panels]
+    assert [title.split(" ")[0] for title in titles] == ["who", "x1;", "x2;", "prediction", "normalised"]
+    nis = group.panels[-1]
+    np.testing.assert_allclose(nis.values[:, 0] * estimate.dimension[used], estimate.nis[used])
+    np.testing.assert_allclose(group.panels[1].high - group.panels[1].low, 4 * estimate.standard_deviation[:, [0]])
+    # the page is no way around what protects a run
+    assert run(["filter", "run", "m.csv", "--out", "run/report.csv"]) == 2

@@ -41,6 +41,7 @@ class Robust(Family):
     title: ClassVar[str] = "switching against the worst admissible uncertainty (Savkin, Evans & Skafidas)"
     methods: ClassVar[Mapping[str, type]] = METHODS
     compared: ClassVar[Sequence[str]] = ("optimal", "one-step", "best-single", "round-robin", "random")
+    estimate_band: ClassVar[tuple[float, str]] = (1.0, "every state that the data allow")
     compared_curve: ClassVar[tuple[str, str, str] | None] = ("fine_times", "fine_size", "size, worst case up to t")
     abilities: ClassVar[frozenset[Ability]] = frozenset(
         {Ability.CERTIFY, Ability.SIMULATE, Ability.FILTER, Ability.ONLINE, Ability.COMPARE}
