@@ -65,7 +65,7 @@ class Family(Protocol):
     abilities : what it can do beside solve, describe, summarise and draw
     filter_options : the options that `run_filter` takes by name
     compared_curve : arrays of times and values of one curve of a solution, and what it is, that methods are compared by
-    estimate_band : half width of the bands of an estimate, in standard deviations, and what they are in words
+    estimate_band : half width of an estimate's bands, in standard deviations, and what they are in words
     begins_anew : why a solve that is resumed begins anew; empty where a method can go on from an earlier solution
     seed_paths : the keys of a problem file that hold seeds of random numbers
     problem_type : the frozen dataclass of its problems (with `name`, `family`, `method`)
@@ -118,14 +118,12 @@ class Family(Protocol):
     ) -> dict[str, Figure]:
         """The figures of an estimate by name."""
         from occontrol.files.figures.estimates import draw
-
         return draw(problem, solution, estimate, truth)
 
     def groups(self, problem: BaseProblem, solution: Solution) -> list[Group]:
         """What the page of a solution draws: panels over one axis of time, in groups that zoom together."""
-        from occontrol.files.page.usual import usual_groups
-
-        return usual_groups(problem, solution)
+        from occontrol.files.page import usual
+        return usual.usual_groups(problem, solution)
 
     def tables(self, problem: BaseProblem, solution: Solution) -> list[Table]:
         """Tables of the page of a solution, beside those of its schedule and its sensors."""
@@ -154,7 +152,6 @@ class Family(Protocol):
     def truth_remark(self, estimate: Estimate, truth: Trajectory, source: object) -> str:
         """One sentence on an estimate beside the true states; `source` is the file they came from."""
         from occontrol.files.figures.estimates import truth_remark
-
         return truth_remark(estimate, truth, source)
 
     def filter_tables(self, problem: BaseProblem, solution: Solution) -> PlainDict:

@@ -152,7 +152,8 @@ def test_tradeoff_prints_a_table_and_writes_a_folder(tmp_path, monkeypatch, smal
     assert "lower bound" in capsys.readouterr().out
     folder = tmp_path / "runs" / "radars-tradeoff"
     files = {p.name for p in folder.iterdir()}
-    assert files == {"tradeoff.json", "front.csv", "arrays.npz", "front.png", "schedules.png"}
+    pictures = {"front.png", "schedules.png", "tradeoff.html"}
+    assert files == {"tradeoff.json", "front.csv", "arrays.npz"} | pictures
     header, rows = table(folder / "front.csv")
     assert header[:3] == ["cost_weight", "observation_cost", "error"] and len(rows) == 4
     np.testing.assert_allclose(rows[:, 0], np.geomspace(1e-2, 1, 4))
