@@ -42,6 +42,11 @@ def draw(problem: SchedulingProblem, solution: Solution) -> dict[str, Figure]:
             "deviations": _deviations(problem, solution),
             "switching": _switching(problem, solution),
         }
+        if problem.ruled and "measuring" in solution.arrays and solution.schedule is not None:
+            from occontrol.families.athans.rules.figures import draw_rules
+
+            if solution.schedule.is_integer or problem.slews:
+                figures["rules"] = draw_rules(problem, solution)
         last = convergence(problem, solution)
         return figures if last is None else {**figures, "convergence": last}
 
