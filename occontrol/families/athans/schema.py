@@ -18,6 +18,7 @@ from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.methods import ALL_METHODS
 from occontrol.families.athans.nonlinear import documents as forms
 from occontrol.families.athans.nonlinear import schema as formulas
+from occontrol.families.athans.nonlinear import written
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.periodic import schema as periodic
 from occontrol.families.athans.periodic.documents import DOCUMENTS as ENDLESS
@@ -236,7 +237,7 @@ def document(problem: SchedulingProblem | ReadingsProblem | TargetsProblem | Per
         "family": "athans",
         "name": problem.name,
         "horizon": horizon,
-        "plant": plant_document(plant) if linearised is None else formulas.plant_document(linearised),
+        "plant": plant_document(plant) if linearised is None else written.plant_document(linearised),
         "sensors": [_sensor_document(sensor, problem) for sensor in problem.sensors],
         "select": [int(problem.least), int(problem.select)] if problem.least else int(problem.select),
         "constraints": None if problem.rules is None else problem.rules.document(),
@@ -251,7 +252,7 @@ def document(problem: SchedulingProblem | ReadingsProblem | TargetsProblem | Per
         ),
         "method": options_document(problem.method),
         "expect": None if problem.expect is None else plain(problem.expect),
-        **({} if linearised is None else formulas.options_documents(linearised)),
+        **({} if linearised is None else written.options_documents(linearised)),
     }
     return prune(result)
 
@@ -263,6 +264,6 @@ def _sensor_document(sensor: Sensor, problem: SchedulingProblem) -> PlainDict | 
     own = None if problem.rules is None else problem.rules.sensors.get(sensor.name)
     rules = {} if own is None else own.document()
     if (linearised := linearisation_of(problem)) is not None:
-        return {**formulas.sensor_document(linearised.sensors[sensor.name]), **rules}
+        return {**written.sensor_document(linearised.sensors[sensor.name]), **rules}
     values = {"name": sensor.name, "C": sensor.C.document(), "noise": sensor.noise.document()}
     return prune({**values, "cost": sensor.cost.document(), "windows": windows, **rules})

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import cast
 
+import numpy as np
+
 from occontrol.core.errors import Mistake
 from occontrol.core.solution import Solution
 from occontrol.families.athans.base import AthansProblem
@@ -27,7 +29,8 @@ def labelled(problem: AthansProblem, solution: Solution) -> Solution:
     problem : of any kind; a linear one's solution is left alone
     solution : of it
     """
-    if linearisation_of(problem) is None or not isinstance(solution.numbers, AthansResult):
+    origin = linearisation_of(problem)
+    if origin is None or not isinstance(solution.numbers, AthansResult):
         return solution
     index = index_of(cast(AthansProblem, solution.problem or problem), solution)
     message = " ".join(part for part in (solution.message, OF_LINEARISED) if part)
@@ -39,8 +42,10 @@ def labelled(problem: AthansProblem, solution: Solution) -> Solution:
     numbers = dataclasses.replace(
         solution.numbers, certificate_of="linearised", nonlinearity=index.as_dict(), warnings=warnings
     )
-    found = dataclasses.replace(solution, message=message, numbers=numbers)
-    return found
+    arrays = dict(solution.arrays)
+    if "times" in arrays:  # (K, n), what the plan was linearised along
+        arrays["nominal"] = origin.nominal.path.at(np.asarray(arrays["times"]))
+    return dataclasses.replace(solution, message=message, numbers=numbers, arrays=arrays)
 
 
 def describe_linearised(problem: AthansProblem) -> list[tuple[str, str]]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Protocol, cast
 import numpy as np
 
 from occontrol.core.errors import Path
-from occontrol.core.kinds import PlainDict
 from occontrol.core.plant import DiscretePlant, LinearPlant
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.state_labels import default_names
@@ -18,11 +17,11 @@ from occontrol.families.athans.nonlinear.documents import (
     Integrator,
     Replan,
 )
-from occontrol.families.athans.nonlinear.linearise import Linearisation, Replanning, linearise
+from occontrol.families.athans.nonlinear.linearise import Replanning, linearise
 from occontrol.families.athans.nonlinear.nominal import IntegratorOptions, and_beyond
 from occontrol.families.athans.nonlinear.plant import FormulaPlant, wrong_names
 from occontrol.families.athans.nonlinear.sensor import FormulaSensor
-from occontrol.files.schema.common import Context, prune
+from occontrol.files.schema.common import Context
 
 if TYPE_CHECKING:
     from occontrol.families.athans.nonlinear.documents import FormulaSamplesDocument, FormulaStepsDocument
@@ -167,6 +166,10 @@ def _plant(entry: FormulaPlantEntry, clock: str, context: Context) -> FormulaPla
         return None
     formulas = context.entries(stated, "plant", key, variables=known)
     noise = context.rows(entry.noise, "plant", "noise", variables=known)
+    if entry.initial.covariance == "none":
+        what = "covariance is none, and a nonlinear plant is linearised from what is known at the start"
+        found.add(("plant", "initial", "covariance"), what, "a wide prior, such as parameters with a large sd")
+        return None
     covariance = context.constant(entry.initial.covariance, "plant", "initial", "covariance")
     mean = entry.initial.mean
     mean = None if mean is None else context.vector(mean, "plant", "initial", "mean")
@@ -255,46 +258,3 @@ def _noise(entry: FormulaSensorEntry, j: int, known: tuple[str, ...], clock: str
     if rows is None or entry.every is None:
         return rows
     return [[e * entry.every if isinstance(e, float) else f"({e})*{entry.every!r}" for e in row] for row in rows]
-
-
-def plant_document(linearised: Linearisation) -> PlainDict:
-    """The plant as it stands in a problem file."""
-    plant = linearised.plant
-    key = "next" if plant.discrete else "f"
-    unnamed = plant.states == tuple(default_names(len(plant.mean)))
-    return prune(
-        {
-            key: list(plant.formulas),
-            "states": None if unnamed else list(plant.states or ()),
-            "units": list(plant.units) or None,
-            "parameters": {name: dict(p) for name, p in (plant.parameters or {}).items()} or None,
-            "noise": [list(row) for row in plant.noise],
-            "initial": {"mean": plant.mean.tolist(), "covariance": plant.covariance.tolist()},
-            "nominal": None if plant.nominal is None else plant.nominal.document(),
-        }
-    )
-
-
-def options_documents(linearised: Linearisation) -> PlainDict:
-    """`integrator` and `replan` as they stand in a problem file."""
-    replan = linearised.replan
-    return {
-        "integrator": dict(linearised.integrator.as_dict()) or None,
-        "replan": None if replan is None else dict(replan.as_dict()),
-    }
-
-
-def sensor_document(sensor: FormulaSensor) -> PlainDict:
-    """A sensor as it stands in a problem file, without its rules."""
-    angles = sensor.angles
-    return prune(
-        {
-            "name": sensor.name,
-            "h": list(sensor.h),
-            "angle": None if not any(angles) else True if all(angles) else list(angles),
-            "noise": [list(row) for row in sensor.noise],
-            "visible": sensor.visible,
-            "cost": sensor.cost.document(),
-            "windows": None if sensor.windows is None else [list(window) for window in sensor.windows],
-        }
-    )

@@ -16,8 +16,9 @@ from occontrol.families.athans.methods import ALL_METHODS
 from occontrol.families.athans.nonlinear.documents import FormulaSamplesDocument, FormulaStepsDocument
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.nonlinear.nominal import and_beyond
-from occontrol.families.athans.nonlinear.schema import options_documents, read_system, sensor_document
-from occontrol.families.athans.nonlinear.schema import plant_document as formula_plant_document
+from occontrol.families.athans.nonlinear.schema import read_system
+from occontrol.families.athans.nonlinear.written import options_documents, sensor_document
+from occontrol.families.athans.nonlinear.written import plant_document as formula_plant_document
 from occontrol.families.athans.readings.clock import SampleTimes, Steps, evenly
 from occontrol.families.athans.readings.documents import (
     ReadingsObjective,

@@ -86,6 +86,10 @@ REFUSED = {
         ("f: [rate, angle]\n  parameters: {p: {mean: 1, sd: -1}}", "parameter 'p' has no usable 'sd'"),
         ("f: [rate, angle]\n  stats: [a, b]", "did you mean 'states'?"),
     ],
+    "covariance: {diag: [0.04, 0.04]}": [
+        ("covariance: none", "covariance is none, and a nonlinear plant is linearised from what is known at the start"),
+        ("covariance: {diag: [1]}", "covariance is 1x1, it must be 2x2"),
+    ],
     "states: [angle, rate]": [
         ("states: [angle, sin]", "the state name 'sin' is a function of formulas"),
         ("states: [angle, t]", "the state name 't' is time in formulas"),
