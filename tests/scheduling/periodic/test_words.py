@@ -117,7 +117,7 @@ def test_the_allowance_covers_what_rounding_does_to_a_bound(make) -> None:
 
 
 def test_accurate_sensors_do_not_put_a_bound_above_what_is_exact() -> None:
-    """A plant whose readings are a hundred thousand times better than its noise: rounding is largest there."""
+    """Of random plants the one on which rounding weighs most."""
     letters, _ = in_units(random_plant(14, 3, 2))
     cycle = cycle_of(letters, np.array([0]))
     assert cycle is not None
