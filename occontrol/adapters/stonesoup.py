@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,9 +27,6 @@ try:
     from stonesoup.sensormanager.base import SensorManager  # type: ignore[import-not-found]
 except ImportError:
     raise UsageError("Stone Soup is not installed\n  hint: pip install 'occontrol[stonesoup]'") from None
-
-if TYPE_CHECKING:
-    from stonesoup.sensor.sensor import Sensor as ItsSensor  # type: ignore[import-not-found]
 
 
 class ScheduledSensorManager(SensorManager):
@@ -67,11 +63,13 @@ class ScheduledSensorManager(SensorManager):
         """One choice {sensor: its default actions} of the sensors in use at `timestamp`."""
         used = set(self.in_use(timestamp))
         sensors: set = self.sensors  # type: ignore[assignment]
-        return [{each: list(_defaults(each, timestamp)) for each in sensors if self.names.get(each) in used}]
-
-
-def _defaults(sensor: ItsSensor, timestamp: datetime) -> list:
-    return [generator.default_action for generator in sensor.actions(timestamp)]
+        return [
+            {
+                each: [g.default_action for g in each.actions(timestamp)]
+                for each in sensors
+                if self.names.get(each) in used
+            }
+        ]
 
 
 def _naive(instant: datetime) -> datetime:
