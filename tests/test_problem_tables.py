@@ -208,3 +208,29 @@ def test_attitude_coefficients_follow_from_the_inertias_in_the_comment():
     wanted[1, [1, 3]] = -(rate**2 * (y - x) + rate * h) / z, g / z
     wanted[2, 2] = -3 * rate**2 * (x - z) / y
     np.testing.assert_allclose(A[3:], wanted, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["radar_fifty", "catalogue_1000"])
+def test_tables_of_many_targets_are_those_of_the_script(name):
+    if name == "catalogue_1000":
+        pytest.importorskip("sgp4")
+    module = script("make_tables_targets")
+    fresh = module.aircraft() if name == "radar_fifty" else module.catalogue()
+    for table, file in zip(fresh, (name, f"{name}_passes"), strict=True):
+        with np.load(ROOT / "problems" / f"{file}.npz") as committed:
+            assert set(committed.files) == set(table)
+            for key in committed.files:
+                if committed[key].dtype.kind == "U":
+                    assert np.array_equal(committed[key], table[key])
+                else:
+                    np.testing.assert_allclose(committed[key], table[key], rtol=1e-5, atol=1e-6)
+
+
+def test_lines_of_sight_stand_across_and_passes_lie_inside():
+    with np.load(ROOT / "problems" / "catalogue_1000_passes.npz") as passes:
+        one, two = (np.column_stack([passes[f"{x}{i}"] for i in (1, 2, 3)]) for x in "ab")
+        np.testing.assert_allclose(np.sum(one * two, axis=1), 0, atol=1e-6)
+        np.testing.assert_allclose([np.sum(one**2, axis=1), np.sum(two**2, axis=1)], 1, atol=1e-6)
+        assert np.all(passes["start"] < passes["end"]) and passes["end"].max() <= 360
+        # two arc seconds at 300 km and at 42,000 km
+        assert 0.003 < passes["sd"].min() and passes["sd"].max() < 0.42

@@ -62,6 +62,13 @@ class LookSchedule(Schedule):
         return self.weights[:, 3]
 
     @property
+    def by_target(self) -> np.ndarray:
+        """(N, targets) how much each target is looked at on every interval, by all resources together."""
+        found = np.zeros((len(self.edges) - 1, len(self.targets)))
+        np.add.at(found, (self.interval, self.target), self.share)
+        return found
+
+    @property
     def is_integer(self) -> bool:
         """Whether every look is whole."""
         return bool(np.all(np.abs(self.share - 1) <= INTEGER))

@@ -10,7 +10,7 @@ from occontrol.core.errors import FileAccessError, UsageError, suggest
 from occontrol.files.atomic import replacing, write_text
 
 MODELINE = "# yaml-language-server: $schema="
-_TABLE = re.compile(r"\bfile: *[\"']?([\w.-]+\.(?:npz|mat|csv))\b")
+_TABLE = re.compile(r"\b(?:file|table|passes): *[\"']?([\w.-]+\.(?:npz|mat|csv))\b")
 
 
 def folder() -> Path | None:

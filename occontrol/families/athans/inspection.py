@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.clock import tolerance
+from occontrol.core.errors import plural
 from occontrol.core.memory import size
 from occontrol.families.athans.need import need
 from occontrol.families.athans.problem import SchedulingProblem
@@ -13,6 +14,7 @@ from occontrol.numerics.transition import transitions
 
 RANK = 1e-10
 SAMPLES = 40
+FALLS = 12  # states from which it matters that a plant falls into parts
 MOST_SENSORS = 12  # of which one sample is described
 
 
@@ -40,6 +42,7 @@ def inspect(problem: SchedulingProblem) -> list[tuple[str, str]]:
         ("time-varying", _listed(varying, 6) if varying else "nothing"),
         *([("edges added", f"{len(edges)}: {_listed(edges, 6)}")] if edges else []),
     ]  # fmt: skip
+    found += _blocks(problem)
     rates = np.column_stack([s.cost.sample(problem.midpoints)[:, 0, 0] for s in sensors])
     low, high = _spend(rates, problem, np.min), _spend(rates, problem, np.max)
     found.append(
@@ -109,3 +112,19 @@ def _observability(problem: SchedulingProblem) -> tuple[int, str]:
     short = [f"{name} {r}" for name, r in alone if r < n]
     listed = _listed(short, 5)
     return rank(gramians.sum(axis=0)), f"; alone less: {listed}" if short else ""
+
+
+def _blocks(problem: SchedulingProblem) -> list[tuple[str, str]]:
+    """What a plant of many states falls into, where nothing varies and it could be written as targets."""
+    plant = problem.plant
+    signals = [plant.A, plant.noise, *(x for s in problem.sensors for x in (s.C, s.noise))]
+    if problem.states < FALLS or not all(signal.constant for signal in signals):
+        return []
+    from occontrol.families.athans.discretise import discretise
+    from occontrol.scheduling.blocks.components import components
+
+    sizes = [len(block) for block in components(discretise(problem))]
+    if len(sizes) < 2:
+        return []
+    text = f"{len(sizes)} parts that nothing couples, the largest of {plural(max(sizes), 'state')}; written as targets"
+    return [("blocks", f"{text} (docs/targets.md) they are solved part by part")]

@@ -18,6 +18,7 @@ from occontrol.files.schema.common import Context, Entries, Labels, Matrix, Stri
 from occontrol.files.schema.words import shown
 
 MAX_INTERVALS = 1_000_000
+MOST_STATES = 2000  # of one matrix
 RANGE = re.compile(r"\s*([0-9]{1,9})\s*\.\.\s*([0-9]{1,9})\s*", re.ASCII)
 
 NONE = "none"
@@ -107,6 +108,9 @@ def initial_covariance(initial: Initial, context: Context) -> np.ndarray | None:
 def plant_of(entry: Plant, context: Context) -> LinearPlant | None:
     """The plant, with stand-ins for wrong parts, which are noted, as long as A can be read."""
     A = context.signal(entry.A, "plant", "A")
+    if A is not None and max(A.shape) > MOST_STATES:
+        what = f"the plant has {A.shape[0]} states, more than {MOST_STATES} in one matrix"
+        context.found.add(("plant", "A"), what, "write what is independent as resources, target_models, targets, looks")
     parts: PlainDict = {
         "noise": context.signal(entry.noise, "plant", "noise"),
         "covariance": initial_covariance(entry.initial, context),

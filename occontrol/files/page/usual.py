@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from occontrol.core.look_schedule import LookSchedule
 from occontrol.core.problem import BaseProblem
 from occontrol.core.reading_schedule import ReadingSchedule
 from occontrol.core.schedule import Schedule
@@ -14,6 +15,7 @@ from occontrol.core.state_labels import state_names, state_units
 from occontrol.files.page.content import Bars, Curves, Group, Panel, Shades
 
 MOST_CURVES = 12  # names beside a panel; more are drawn as a map
+MOST_TARGETS = 60  # of which every one has a row
 MOST_SENSORS = 7  # the same for sensors, each of which has its colour
 TIME, STEP = "time t, in the problem's unit", "step k"
 
@@ -133,7 +135,11 @@ def compared_groups(solutions: Mapping[str, Solution], curve: tuple[str, str, st
     for name, solution in solutions.items():
         if solution.schedule is not None:
             instants = isinstance(solution.schedule, ReadingSchedule)
-            schedule = solution.schedule
-            panels.append(Bars(title=name, edges=schedule.edges, weights=schedule.weights, names=schedule.names,
+            schedule, weights = solution.schedule, solution.schedule.weights
+            if isinstance(schedule, LookSchedule):
+                if len(schedule.targets) > MOST_TARGETS:
+                    continue
+                weights = schedule.by_target
+            panels.append(Bars(title=name, edges=schedule.edges, weights=weights, names=schedule.names,
                                instants=instants))  # fmt: skip
     return [Group(axis=axis, panels=panels, whole=axis == STEP)] if panels else []

@@ -163,7 +163,7 @@ def improve(
     allowed : ResourceSet
     target, resource, price : (E,) of every look; target is -1 for what is left over
     data : Singles
-    work : steps of one block that may be spent
+    work : steps of a block of two states that may be spent; larger ones count by the square of their size
     monitor : Monitor
     seed : of the random changes
     """
@@ -171,7 +171,8 @@ def improve(
     costs = np.empty(len(data.blocks) - 1)
     all_costs(x, data.arrays, costs)
     value = float(np.sum(costs) + price @ x)
-    steps = 2.0 * len(data.steps) * max(1, int(np.max(np.diff(data.blocks), initial=0)))
+    size = np.add.reduceat(data.sizes[:, 0] ** 2, data.blocks[:-1]) if len(data.blocks) > 1 else np.ones(1)
+    steps = 2.0 * len(data.steps) * max(1.0, float(np.mean(size)) / 4)
     near = _near(allowed.interval, resource[allowed.starts[:-1]], REACH)
     state = np.array([seed], dtype=np.uint64)
     left, made = work / steps, 0

@@ -17,8 +17,8 @@ from occontrol.scheduling.blocks.sweep import BlockSweep
 from occontrol.scheduling.quasi_newton import FaceBFGS
 from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome, minimise_relaxed
 
-PATIENCE = 40  # multiplicative steps in which the gap must fall to a third: slower is quasi-Newton's turn
-WORTH = 1 / 3
+PATIENCE = 40  # multiplicative steps in which the gap must halve: slower is the turn of quasi-Newton
+WORTH = 0.5
 LARGEST = 1_000_000  # weights up to which pairs and cuts of a quasi-Newton method fit in memory; beyond, steps alone
 PAIR_BYTES = 240_000_000
 INSIDE = 1e-3  # share of equal use that lets weights of 0 grow again

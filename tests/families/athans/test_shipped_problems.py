@@ -16,8 +16,9 @@ from occontrol.scheduling.sweep import Sweep
 PROBLEMS = Path(__file__).resolve().parents[3] / "problems"
 FILES = {path.stem: YAML(typ="safe").load(path.read_text(encoding="utf-8")) for path in PROBLEMS.glob("*.yaml")}
 READINGS = sorted(n for n, d in FILES.items() if "steps" in d.get("horizon", {}) or d.get("sensing") == "samples")
+TARGETS = {name for name, data in FILES.items() if "targets" in data}  # see targets/test_target_problems.py
 RULED = {name for name, data in FILES.items() if "constraints" in data}  # see rules/test_real_problems.py
-ATHANS = sorted({name for name, data in FILES.items() if data["family"] == "athans"} - {*READINGS, *RULED})
+ATHANS = sorted({name for name, data in FILES.items() if data["family"] == "athans"} - {*READINGS, *RULED, *TARGETS})
 GAP_REPORTED_ONLY = ("tracking_network",)
 
 

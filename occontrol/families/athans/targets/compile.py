@@ -13,7 +13,7 @@ from occontrol.families.athans.targets.compile_looks import LookBuilder
 from occontrol.families.athans.targets.documents import TargetEntry, TargetModel
 from occontrol.families.athans.targets.formulas import evaluate
 from occontrol.families.athans.targets.groups import TargetGroup
-from occontrol.families.athans.targets.matrix_columns import MatrixColumns, alike
+from occontrol.families.athans.targets.matrix_columns import MatrixColumns, alike, semidefinite
 from occontrol.families.athans.targets.tables import Columns
 
 
@@ -85,7 +85,7 @@ class GroupBuilder:
         zero = np.zeros((G, n, n))
         return TargetGroup(
             entry.model, tuple(names), A, noise, mean, covariance, weight[:, 0, 0],
-            zero if running is None else running,
+            zero if running is None else semidefinite(running),
             zero if output is None else np.swapaxes(output, 1, 2) @ output, tuple(looks),
         )  # fmt: skip
 

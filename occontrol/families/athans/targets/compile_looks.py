@@ -86,7 +86,8 @@ class LookBuilder:
         passes: Columns | None, G: int, n: int,
     ) -> LookSet | None:  # fmt: skip
         rho, N = self.resources.index(name), len(self.times.steps)
-        target, interval, columns, S = np.repeat(np.arange(G), N), np.tile(np.arange(N), G), numbers, G
+        target, interval = np.repeat(np.arange(G, dtype=np.int32), N), np.tile(np.arange(N, dtype=np.int32), G)
+        columns, S = numbers, G
         which = target
         if passes is not None:
             row = np.flatnonzero(passes["resource"] == rho)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, WithJsonSchema
 
 from occontrol.core.kinds import PlainMapping
-from occontrol.files.schema.common import Expect, Matrix, Method, ProblemDocument, Strict, Vector, Whole
+from occontrol.files.schema.common import Entries, Expect, Matrix, Method, ProblemDocument, Strict, Whole
 
 KEYS = {"targets", "target_models", "looks"}
 
@@ -48,14 +48,14 @@ class ResourceEntry(Strict):
 class TargetInitial(Strict):
     """Where a target is at the start."""
 
-    mean: Vector = None
+    mean: Entries = None
     covariance: Matrix = Field(description="covariance: {diag: [..]} or rows")
 
 
 class OwnInitial(Strict):
     """What one target has in the place of its model's."""
 
-    mean: Vector = None
+    mean: Entries = None
     covariance: Matrix = None
 
 

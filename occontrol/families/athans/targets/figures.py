@@ -151,7 +151,7 @@ def _prices(axes: Axes, problem: TargetsProblem, solution: Solution) -> None:
     shown = np.argsort(-np.sum(prices, axis=0))[: len(style.PALETTE)]
     for j, colour in zip(np.sort(shown), style.PALETTE, strict=False):
         axes.stairs(prices[:, j], problem.edges, color=colour, baseline=None, label=style.shorten(names[j]))
-    axes.set_title("price: what one more look would save, by the relaxed optimum")
+    axes.set_title("price of one more look, relaxed")
     axes.set_ylim(bottom=0)
     if len(names) > 1:
         axes.legend(fontsize=8, frameon=False)

@@ -108,6 +108,18 @@ def is_table(value: object) -> bool:
     return isinstance(value, dict) and bool({"times", "file"} & set(value))
 
 
+def semidefinite(values: np.ndarray) -> np.ndarray:
+    """`values` (G, n, n), weights, without what lies below zero within the tolerance of the check: J stays convex."""
+    eigenvalues, vectors = np.linalg.eigh((values + np.swapaxes(values, 1, 2)) / 2)
+    below = np.flatnonzero(eigenvalues[:, 0] < 0)
+    if not len(below):
+        return values
+    found = values.copy()
+    kept = vectors[below] * np.maximum(eigenvalues[below], 0.0)[:, None, :]
+    found[below] = kept @ np.swapaxes(vectors[below], 1, 2)
+    return found
+
+
 def alike(values: np.ndarray, G: int) -> np.ndarray:
     """(G, ..) of values (1 or G, ..): the same for every target where nothing depends on columns."""
     return np.array(np.broadcast_to(values, (G, *values.shape[1:])))

@@ -9,9 +9,8 @@ from occontrol.core.solution import Solution
 from occontrol.families.athans.targets.paths import ages, charged
 from occontrol.families.athans.targets.problem import TargetsProblem
 from occontrol.files.page.content import Bars, Curves, Group, Panel
-from occontrol.files.page.usual import TIME, curves_or_map
+from occontrol.files.page.usual import MOST_TARGETS, TIME, curves_or_map
 
-FEW = 60  # targets up to which every one has a row
 SHARES = (5, 50, 95)
 
 
@@ -27,10 +26,9 @@ def target_groups(problem: TargetsProblem, solution: Solution) -> list[Group]:
     if not isinstance(schedule, LookSchedule):
         return []
     panels: list[Panel] = []
-    if problem.targets <= FEW:
-        weights = np.zeros((problem.intervals, problem.targets))
-        np.add.at(weights, (schedule.interval, schedule.target), schedule.share)
-        panels.append(Bars(title="who is looked at when", edges=edges, weights=weights, names=problem.target_names))
+    if problem.targets <= MOST_TARGETS:
+        title = "who is looked at when"
+        panels.append(Bars(title=title, edges=edges, weights=schedule.by_target, names=problem.target_names))
     names = [f"{share} % of the targets are below" for share in SHARES]
     for title, label, values in (
         ("time since the last look", "time", ages(problem, schedule)),

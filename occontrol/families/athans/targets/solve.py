@@ -28,7 +28,7 @@ from occontrol.scheduling.rounding import roundings
 
 MOST_SUBSTEPS = 16  # that are chosen where none are stated
 MOST_WORK = 3e7  # blocks times steps, beyond which no finer steps are chosen
-SEARCH = 1.5e8  # steps of one block that the search may spend, and at most so many times the looks that are open:
+SEARCH = 8e7  # steps of a block of two states that the search may spend, at most so many times the open looks:
 SEARCH_PER_LOOK = 3e4
 SEVERAL_STARTS, RANDOM_STARTS = 300, 5  # looks up to which there are several starts
 

@@ -90,6 +90,38 @@ def test_targets_cost_what_the_dense_plant_costs(tmp_path: Path) -> None:
     assert solution.result["continuous"]["cost"] == pytest.approx(judged.result["continuous"]["cost"], rel=1e-7)
 
 
+def test_five_dense_targets_have_the_bound_that_the_dense_sweep_found() -> None:
+    """Five targets of six states written as one plant, with running and terminal weights across nothing."""
+    from scipy.linalg import block_diag
+
+    from occontrol.families.athans.discretise import discretise, feasible_set
+    from occontrol.families.athans.integration.options import Integration
+    from occontrol.scheduling.blocks.components import block_sweep
+    from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
+
+    g, K, n = np.random.default_rng(5), 5, 30
+    A, X, R, start, D, sensors = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n), [], []
+    for i in range(K):
+        o = 6 * i
+        A[o : o + 3, o + 3 : o + 6], A[o + 3 : o + 6, o + 3 : o + 6] = np.eye(3), -g.uniform(0.05, 0.3) * np.eye(3)
+        X[o + 3 : o + 6, o + 3 : o + 6] = np.diag(g.uniform(0.1, 1, 3))
+        start[o : o + 3], start[o + 3 : o + 6] = g.uniform(5, 20), 1
+        D.append(np.eye(3, 6) * g.uniform(0.5, 2))
+        R[o : o + 3] = g.uniform(0.25, 4)
+    for i in range(K):
+        C = np.zeros((3, n))
+        C[:, 6 * i : 6 * i + 3] = np.eye(3)
+        sensors.append(oc.Sensor(f"t{i}", C, np.diag(g.uniform(0.01, 0.1, 3))))
+    problem = oc.SchedulingProblem(
+        name="dense", plant=oc.LinearPlant(A, X, np.diag(start)), sensors=[*sensors, oc.idle_sensor(n)],
+        edges=np.linspace(0, 20, 201), output=block_diag(*D), running=np.diag(R), integration=Integration(substeps=1),
+    )  # fmt: skip
+    sweep = block_sweep(discretise(problem))
+    assert sweep is not None and sweep.blocks == 15
+    found = minimise_relaxed(sweep, feasible_set(problem), None, RelaxedOptions(1e-4))
+    assert found.lower_bound == pytest.approx(330.51, abs=0.03)
+
+
 def scalars(seed: int, N: int, weak: bool) -> dict:
     """Two scalar targets and two sites with windows, for enumeration."""
     g = np.random.default_rng(seed)
@@ -233,3 +265,34 @@ def test_methods_that_do_not_do_targets_say_so(tmp_path: Path) -> None:
     for name in ("costate-index", "greedy", "information", "largest-trace", "round-robin", "random"):
         solution = oc.solve(problem, name)
         assert solution.cost >= solution.result["lower_bound"] and solution.schedule.is_integer
+
+
+def test_a_dense_plant_that_falls_apart_is_told_so(tmp_path: Path) -> None:
+    from occontrol.api import family_of
+
+    plain = dense(read(tracking(4, 12, 1, 6.0, 0.05), tmp_path))
+    said = dict(family_of(plain).describe(plain))["blocks"]
+    assert said.startswith("12 parts that nothing couples, the largest of 2 states; written as targets")
+
+
+def test_a_matrix_of_too_many_states_names_the_way_out(tmp_path: Path) -> None:
+    n = 2001
+    row = [0.0] * n
+    document = {
+        "family": "athans", "horizon": {"end": 1, "intervals": 2},
+        "plant": {"A": [row] * n, "noise": [[0]], "initial": {"covariance": [[1]]}},
+        "sensors": [{"name": "s", "C": [row], "noise": [[1]]}], "objective": {"output": [row]},
+    }  # fmt: skip
+    with pytest.raises(oc.ProblemError) as error:
+        read(document, tmp_path)
+    assert "the plant has 2001 states, more than 2000 in one matrix" in str(error.value)
+    assert "write what is independent as resources, target_models, targets, looks" in str(error.value)
+
+
+def test_a_weight_slightly_below_zero_stays_convex() -> None:
+    from occontrol.families.athans.targets.matrix_columns import semidefinite
+
+    weights = np.array([np.diag([1.0, -1e-11]), np.diag([2.0, 0.5])])
+    found = semidefinite(weights)
+    assert np.all(np.linalg.eigvalsh(found) >= 0) and np.array_equal(found[1], weights[1])
+    assert np.max(np.abs(found - weights)) <= 1.1e-11

@@ -1,0 +1,102 @@
+"""Many targets: a sweep, the relaxation to its gap, memory; one process a case. Prints rows for docs/bench.md.
+
+    python scripts/bench_many_targets.py            all cases, a few minutes
+    python scripts/bench_many_targets.py 1000 200 50 1e-4      targets, intervals, capacity, gap
+    python scripts/bench_many_targets.py 2000 720 1 1e-3 72    the same with 72 sites, each open for 2 % of the time
+
+Targets are those of docs/bench.md: three axes with drag, position looks with independent errors, seeded. Seconds are of
+the processor, so that a busy machine changes them little.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+from occontrol.core.monitor import Monitor
+from occontrol.families.athans.integration.options import Integration
+from occontrol.families.athans.targets.fill import fill
+from occontrol.families.athans.targets.groups import LookSet, TargetGroup
+from occontrol.families.athans.targets.problem import Resource, TargetsProblem
+from occontrol.scheduling.blocks.relaxation import relax
+
+CASES = ((104, 200, 5, 1e-4), (1000, 200, 50, 1e-4), (1000, 500, 50, 1e-4), (10_000, 200, 100, 1e-3),
+         (10_000, 200, 500, 1e-4))  # fmt: skip
+HORIZON, OPEN = 20.0, 0.02
+
+
+def problem(count: int, intervals: int, capacity: int, seed: int = 3, sites: int = 1) -> TargetsProblem:
+    """Seeded targets of three axes, and one radar or several sites with windows.
+
+    Parameters
+    ----------
+    count, intervals, capacity : targets, N, looks on one interval of each site
+    seed : of the numbers
+    sites : one that sees everything, or several that see each target in one window of OPEN of the time
+    """
+    g = np.random.default_rng(seed)
+    shape, position, rate = (count, 6, 6), range(3), range(3, 6)
+    A, noise, start, running = (np.zeros(shape) for _ in range(4))
+    A[:, position, rate], A[:, rate, rate] = 1.0, -g.uniform(0.05, 0.3, count)[:, None]
+    noise[:, rate, rate] = g.uniform(0.3, 1, (count, 3)) * 10 ** g.uniform(-1, 0, (count, 1))
+    start[:, position, position], start[:, rate, rate] = g.uniform(1, 5, count)[:, None], 0.5
+    running[:, position, position] = 1 / HORIZON
+    theta = np.zeros((count, 3, 3))
+    theta[:, position, position] = g.uniform(0.05, 0.5, (count, 3))
+    looks = []
+    for site in range(sites):
+        length = intervals if sites == 1 else round(OPEN * intervals)
+        first = np.zeros(count, dtype=int) if sites == 1 else g.integers(0, intervals - length, count)
+        target = np.repeat(np.arange(count, dtype=np.int32), length)
+        interval = (np.repeat(first, length) + np.tile(np.arange(length), count)).astype(np.int32)
+        C = np.tile(np.eye(3, 6), (count, 1, 1))
+        looks.append(LookSet(site, C, theta, np.zeros(count), target, interval, target))
+    names = tuple(f"t{i}" for i in range(count))
+    weight, zero = 10 ** g.uniform(-0.5, 0.5, count), np.zeros(shape)
+    group = TargetGroup("m", names, A, noise, np.zeros((count, 6)), start, weight, running, zero, tuple(looks))
+    edges = np.linspace(0, HORIZON, intervals + 1)
+    radars = tuple(Resource(f"radar_{i}", np.full(intervals, capacity)) for i in range(sites))
+    options = Integration(substeps=1, windows="cover", refine=False)
+    return TargetsProblem("bench", edges, radars, (group,), {}, 0.0, integration=options)
+
+
+def run(count: int, intervals: int, capacity: int, gap: float, sites: int = 1) -> None:
+    """Print one row of the table."""
+    warm = fill(problem(40, 10, 3))
+    relax(warm.sweep(), warm.allowed, 1e-3, 30, Monitor())
+    began = time.process_time()
+    filled = fill(problem(count, intervals, capacity, sites=sites))
+    sweep, v = filled.sweep(), filled.allowed.uniform()
+    took = []
+    for _ in range(3):
+        start = time.process_time()
+        sweep.cost_and_gradient(v)
+        took.append(time.process_time() - start)
+    found = relax(sweep, filled.allowed, gap, 3000, Monitor())
+    seconds, peak = time.process_time() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    reached = 1 - found.lower_bound / found.cost
+    each = f"{capacity} x {sites} sites" if sites > 1 else f"{capacity}"
+    print(
+        f"| {count} | {intervals} | {each} | {gap:g} | {found.status}, {reached:.2e} | {found.sweeps['gradients']} "
+        f"| {seconds:.3g} | {1e9 * min(took) / count / intervals:.0f} | {peak:.0f} |"
+    )
+
+
+def main() -> None:
+    """All cases, each in a process of its own; or the one that is named."""
+    if len(sys.argv) > 4:
+        count, intervals, capacity = (int(x) for x in sys.argv[1:4])
+        run(count, intervals, capacity, float(sys.argv[4]), *(int(x) for x in sys.argv[5:]))
+        return
+    print("| targets | N | capacity | gap | reached | sweeps | seconds | ns per target and interval | peak MiB |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for case in CASES:
+        subprocess.run([sys.executable, __file__, *map(str, case)], check=True)
+
+
+if __name__ == "__main__":
+    main()
