@@ -15,6 +15,7 @@ from occontrol.core.schedule import Schedule
 from occontrol.core.target import TargetPlan, schedule_alone
 from occontrol.files.export.flight.content import Options, make_content
 from occontrol.files.export.flight.reference import ReferenceFilter, Status
+from tests.target_problems import FIVE
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -113,6 +114,15 @@ def test_robust_and_hybrid_hand_over_schedules_that_do_not_depend_on_data(solved
     chance = occontrol.solve(hybrid, "random")
     with pytest.raises(UsageError, match="with method random the sensors are chosen while it runs"):
         family.target_plan(hybrid, chance)
+
+
+def test_many_targets_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "five.yaml").write_text(FIVE)
+    problem = occontrol.read_problem(tmp_path / "five.yaml")
+    with pytest.raises(UsageError, match="code on a target does not do many targets at once"):
+        family_of(problem).target_plan(problem, occontrol.solve(problem, "greedy"))
+    with pytest.raises(UsageError, match="the on-line filter does not do many targets at once"):
+        family_of(problem).filter_loop(problem, occontrol.solve(problem, "greedy"))
 
 
 def test_of_shared_times_the_largest_share_is_taken() -> None:

@@ -49,9 +49,10 @@ def test_the_self_test_passes_without_a_warning(compiler: str, variant: str, tmp
 @needs_compiler
 @pytest.mark.parametrize("corner", CORNERS)
 def test_corners_compile_and_pass(corner: str, tmp_path: Path) -> None:
-    written(tmp_path, CORNERS[corner])
-    done = selftest(tmp_path, CC)
-    assert done.returncode == 0, done.stdout
+    for variant in ("double", "no plan", "single gains"):
+        written(tmp_path, CORNERS[corner], VARIANTS[variant])
+        done = selftest(tmp_path, CC)
+        assert done.returncode == 0, (variant, done.stdout)
 
 
 @needs_compiler

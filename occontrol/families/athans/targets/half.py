@@ -127,6 +127,15 @@ class TargetsFamily(RateFamily):
             "the on-line filter does not do many targets at once\n  hint: occontrol filter RUN MEASUREMENTS"
         )
 
+    def filter_loop(self, problem: TargetsProblem, solution: Solution, **options: object):
+        """UsageError, as `online`."""
+        return self.online(problem, solution)
+
+    def target_plan(self, problem: TargetsProblem, solution: Solution):
+        """UsageError: code on a target is for one plant."""
+        what = "code on a target does not do many targets at once"
+        raise UsageError(f"{what}\n  hint: --to csv writes who looks at what; target_problem takes one out")
+
     def filter_tables(self, problem: TargetsProblem, solution: Solution) -> PlainDict:
         """Nothing: gains of many targets are not exported."""
         return {}

@@ -62,6 +62,7 @@ occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t 
     values = occ_values[f->k];
     for (r = 0U; r < OCC_VALUES; r++) {
         kept[r] = 0U;
+        e[r] = OCC_ZERO;
     }
     if ((z == NULL) && (values > 0U)) {
         return OCC_NULL_POINTER;
