@@ -54,6 +54,8 @@ _FAMILIES: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "RoundRobin",
         ),
         "filter.online": ("MatchedFilter",),
+        "nonlinear.linearise": ("Replanning",),
+        "replanning.online": ("ReplanningLoop",),
     },
     "vlambda": {
         "problem": ("SelectionProblem",),

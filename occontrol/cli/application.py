@@ -10,6 +10,7 @@ from occontrol.cli import (
     convert,
     export,
     filter,
+    montecarlo,
     problems,
     report,
     sensitivity,
@@ -47,6 +48,7 @@ COMMANDS = {
     "report": report.report,
     "convert": convert.convert,
     "sensitivity": sensitivity.sensitivity,
+    "montecarlo": montecarlo.montecarlo,
     "sweep": sweep.sweep,
     "work": sweep.work,
 }

@@ -1,12 +1,11 @@
 """What a family of problems is to the rest of the house: one object with declared abilities.
 
-`families/<name>/family.py` holds `FAMILY`, an instance of a subclass of `Family`. Nobody asks it with hasattr what it
-can do: `abilities` says so, and what is not declared raises UsageError with one sentence.
+`families/<name>/family.py` holds `FAMILY`, of a subclass of `Family`. `abilities` says what it can do; what is not
+declared there raises UsageError with one sentence.
 """
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
 
@@ -20,6 +19,7 @@ from occontrol.core.problem import BaseProblem
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Tradeoff
 from occontrol.core.trajectory import Trajectory
+from occontrol.families.abilities import Ability, Work
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,21 +34,7 @@ if TYPE_CHECKING:
     from occontrol.core.target import TargetPlan
     from occontrol.files.page import Group, Table
 
-
 NOTHING = Asked()
-
-
-class Ability(enum.StrEnum):
-    """What a family may be able to do beside solving; the value is how a sentence about it goes on."""
-
-    CERTIFY = "certify schedules"
-    SIMULATE = "simulate measurements"
-    FILTER = "filter a measurement file"
-    ONLINE = "run on line"
-    TRADEOFF = "trade observation cost against prediction error"
-    COMPARE = "compare methods"
-    SENSITIVITY = "say what a price, a noise or a window is worth"
-    MONTE_CARLO = "be judged by many simulated runs"
 
 
 class Family(Protocol):
@@ -63,7 +49,7 @@ class Family(Protocol):
     compared : the method names that `compare` runs when none are given
     columns : the numbers of a result that the table of `compare` shows; empty: cost, bound and gap
     abilities : what it can do beside solve, describe, summarise and draw
-    filter_options : the options that `run_filter` takes by name
+    filter_options : the options of `run_filter`
     compared_curve : arrays of times and values of one curve of a solution, and what it is, that methods are compared by
     estimate_band : half width of an estimate's bands, in standard deviations, and what they are in words
     begins_anew : why a solve that is resumed begins anew; empty where a method can go on from an earlier solution
@@ -245,6 +231,21 @@ class Family(Protocol):
     def sensitivity_figure(self, found: ResultData) -> Figure:
         """A picture of what `sensitivity` found."""
         self._cannot(Ability.SENSITIVITY)
+
+    def monte_carlo(
+        self, problem: BaseProblem, solution: Solution, policies: Sequence[str] | None, runs: int, seed: int,
+        monitor: Monitor, work: Work | None = None,
+    ) -> ResultData:  # fmt: skip
+        """Policies side by side on simulated runs; `work` does batches of seeds, in their order."""
+        self._cannot(Ability.CLOSED_LOOP)
+
+    def monte_carlo_batch(self, problem: BaseProblem, solution: Solution, policies: Sequence[str], seeds: Sequence):
+        """What `work` does with one batch: outcomes and milliseconds by policy."""
+        self._cannot(Ability.CLOSED_LOOP)
+
+    def monte_carlo_figure(self, found: ResultData) -> Figure:
+        """A picture of what `monte_carlo` found."""
+        self._cannot(Ability.CLOSED_LOOP)
 
     # ---- what follows from the above
 

@@ -24,10 +24,11 @@ from occontrol.families.athans.rate import RATE, RateFamily, schedule_of
 from occontrol.families.athans.readings.half import READINGS
 from occontrol.families.athans.targets.half import TARGETS
 from occontrol.families.athans.targets.problem import TargetsProblem
-from occontrol.families.family import Family
+from occontrol.families.family import Family, Work
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from numpy.random import SeedSequence
 
     from occontrol.core.claims import Claims
     from occontrol.core.measurement import Estimate, Measurement
@@ -191,6 +192,36 @@ class AthansFamily(RateFamily):
     ) -> ResultData:
         """Derivatives of the relaxed optimum; UsageError for rules."""
         return self._half(problem).sensitivity(problem, solution, monitor, change)
+
+    def monte_carlo(
+        self,
+        problem: AthansProblem,
+        solution: Solution,
+        policies: Sequence[str] | None,
+        runs: int,
+        seed: int,
+        monitor: Monitor,
+        work: Work | None = None,
+    ) -> ResultData:
+        """Policies side by side on simulated runs of a problem of readings; UsageError for continuous sensing."""
+        from occontrol.families.athans.replanning.monte_carlo import compare
+
+        return compare(problem, solution, policies, runs, seed, monitor, work)  # type: ignore[arg-type]
+
+    def monte_carlo_batch(
+        self, problem: AthansProblem, solution: Solution, policies: Sequence[str], seeds: Sequence[SeedSequence]
+    ) -> tuple[dict, dict]:
+        """Outcomes of a few runs of each policy, and the milliseconds of its decisions."""
+        from occontrol.families.athans.replanning.monte_carlo import simulated
+
+        return simulated(problem, solution, policies, seeds)  # type: ignore[arg-type]
+
+    def monte_carlo_figure(self, found: ResultData) -> Figure:
+        """Errors with their confidence, and what diverged."""
+        from occontrol.families.athans.replanning.figures import draw
+
+        return draw(found)
+
 
 
 def _renamed(options: PlainMapping) -> PlainDict:

@@ -138,17 +138,26 @@ def _end_what_takes_too_long(places: list[_Place], timeout: float) -> None:
 
 @contextmanager
 def _places(count: int) -> Iterator[list[_Place]]:
+    with single_threads():
+        places = [_new_place() for _ in range(count)]
+        try:
+            yield places
+        finally:
+            for place in places:
+                if place.entry is None:
+                    place.pool.shutdown(wait=False)
+                else:
+                    place.kill()
+
+
+@contextmanager
+def single_threads() -> Iterator[None]:
+    """Processes that begin inside have libraries of one thread."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))  # read by the libraries when a worker loads them
-    places = [_new_place() for _ in range(count)]
     try:
-        yield places
+        yield
     finally:
-        for place in places:
-            if place.entry is None:
-                place.pool.shutdown(wait=False)
-            else:
-                place.kill()
         for name, value in before.items():
             if value is None:
                 os.environ.pop(name, None)
@@ -157,11 +166,12 @@ def _places(count: int) -> Iterator[list[_Place]]:
 
 
 def _new_place() -> _Place:
-    pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker)
+    pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=begin_worker)
     return _Place(pool, pool.submit(os.getpid))
 
 
-def _begin_worker() -> None:
+def begin_worker() -> None:
+    """What a new worker does first: leave interruptions to its parent, and end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C reaches the whole group; the parent decides
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()

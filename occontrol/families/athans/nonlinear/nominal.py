@@ -150,8 +150,10 @@ def and_beyond(since: np.ndarray, last: float) -> np.ndarray:
     return np.append(since, np.append(end + (last - end) * np.arange(1, count) / count, last))
 
 
-def spans_of(plant: FormulaPlant, origin: float, since: np.ndarray, substeps: int) -> Spans:
-    """The maps of all spans along the nominal path.
+def spans_of(
+    plant: FormulaPlant, origin: float, since: np.ndarray, substeps: int, start: np.ndarray | None = None
+) -> Spans:
+    """The maps of all spans along the nominal path, or along the path from another state.
 
     Parameters
     ----------
@@ -159,6 +161,7 @@ def spans_of(plant: FormulaPlant, origin: float, since: np.ndarray, substeps: in
     origin : a time
     since : (G+1,) times of the spans, counted from `origin`
     substeps : of every span
+    start : (n,) the state at the first time, in state units; None: along the nominal path
 
     Raises ProblemError where the path, or its linearisation, is not finite.
     """
@@ -168,8 +171,8 @@ def spans_of(plant: FormulaPlant, origin: float, since: np.ndarray, substeps: in
     times = origin + since[:-1, None] + lengths[:, None] * np.arange(count + 1) / count
     times[:, -1] = origin + since[1:]  # so that neighbouring spans share their nodes
     steps = np.repeat(lengths / count, count)
-    if plant.nominal is None:
-        states, halves = flow.path(plant.whole_mean, times[:, :-1].ravel(), steps)
+    if plant.nominal is None or start is not None:
+        states, halves = flow.path(plant.whole_mean if start is None else start, times[:, :-1].ravel(), steps)
         nodes = np.concatenate([states[:-1].reshape(G, count, n), states[count::count].reshape(G, 1, n)], axis=1)
     else:
         nodes = StatedPath(plant.nominal).at(times.ravel()).reshape(G, count + 1, n)

@@ -80,8 +80,8 @@ def fill(problem: ReadingsProblem) -> Filled:
         owner=owner,
         charge=np.tile([1.0, 0.0] if before else [0.0, 1.0], (N, 1)),
     )
-    units = _units(recursion)
-    return Filled(_in_units(recursion, units), constant, units, after)
+    recursion, units = balanced_recursion(recursion)
+    return Filled(recursion, constant, units, after)
 
 
 def _steps(problem: ReadingsProblem, S0: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
@@ -177,6 +177,17 @@ def _distinct_matrices(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     index = np.array([seen.setdefault(m.tobytes(), len(seen)) for m in matrices], dtype=np.int64)
     first = np.unique(index, return_index=True)[1]
     return np.ascontiguousarray(matrices[first]), index
+
+
+def balanced_recursion(recursion: Recursion) -> tuple[Recursion, StateUnits]:
+    """The same recursion in well-scaled states, and the units that lead there.
+
+    Parameters
+    ----------
+    recursion : Recursion in the user's states
+    """
+    units = _units(recursion)
+    return _in_units(recursion, units), units
 
 
 def _units(r: Recursion) -> StateUnits:

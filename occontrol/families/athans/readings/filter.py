@@ -67,7 +67,7 @@ def reading_model(problem: ReadingsProblem, schedule: Schedule) -> ReadingModel:
     Raises ProblemError when the schedule has other instants than the problem.
     """
     weights = weights_on(problem, schedule)
-    F, g, Q = _between(problem)
+    F, g, Q = between(problem)
     times, active, parts, readings = problem.clock.times, [], [], []
     samples = [(s.C.sample(times), s.noise.sample(times)) for s in problem.sensors]
     for k in range(len(times)):
@@ -125,8 +125,13 @@ def weights_on(problem: ReadingsProblem, schedule: Schedule) -> np.ndarray:
     return weights
 
 
-def _between(problem: ReadingsProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F (N+1, n, n), g (N+1, n), Q (N+1, n, n): to the first reading, between readings, on to the end."""
+def between(problem: ReadingsProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """F (N+1, n, n), g (N+1, n), Q (N+1, n, n): to the first reading, between readings, on to the end.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem of a linear plant with N readings and n states
+    """
     n, N, plant = problem.states, problem.readings, problem.plant
     if problem.discrete:
         k = problem.clock.times
@@ -156,7 +161,7 @@ def reading_predictor(problem: ReadingsProblem, model: ReadingModel) -> Predicto
     """
     D, N = problem.output.at(problem.output_at), model.intervals
     p, n = D.shape
-    F, g, Q = (part[-1] for part in _between(problem))
+    F, g, Q = (part[-1] for part in between(problem))
     if not problem.discrete:
         at = float(problem.predict_at or 0.0)
         last, push, gram = (x[0] for x in driven_transitions(problem.plant, model.edges[-1:], np.array([at])))

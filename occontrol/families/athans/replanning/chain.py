@@ -1,0 +1,197 @@
+"""A problem of readings as a chain for many runs at once: span 0, reading 0, span 1, reading 1, ..., span N.
+
+Every product is a stack of small ones, one a run, so that a run has the same numbers to the last bit whatever runs
+stand beside it. Linear plants have the same maps for all runs, nonlinear ones the maps at each run's own state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from occontrol.core.errors import UsageError
+from occontrol.families.athans.nonlinear.index import Stages, stages
+from occontrol.families.athans.nonlinear.linearise import linearisation_of
+from occontrol.families.athans.nonlinear.path import evaluate
+from occontrol.families.athans.readings.fill import terminal_weight
+from occontrol.families.athans.readings.filter import between
+from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.numerics.flow import combined
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What one sensor reports of B states.
+
+    Parameters
+    ----------
+    value : (B, m) without its noise, in measurement units
+    slope : (B, m, n)
+    noise : (B, m, m) covariance
+    visible : (B,) whether the sensor sees the state
+    """
+
+    value: np.ndarray
+    slope: np.ndarray
+    noise: np.ndarray
+    visible: np.ndarray
+
+
+class Chain(Protocol):
+    """Spans and readings of a problem with N readings, M sensors and n states."""
+
+    problem: ReadingsProblem
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """How many values each sensor has."""
+        ...
+
+    def span(self, i: int, states: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where B `states` (B, n) are after span i, with F and Q (B, n, n)."""
+        ...
+
+    def seen(self, i: int, j: int, states: np.ndarray) -> Seen:
+        """What sensor j reports of `states` (B, n) at reading i."""
+        ...
+
+    def angles(self, j: int) -> np.ndarray:
+        """(m,) which values of sensor j are angles."""
+        ...
+
+    def output(self, states: np.ndarray) -> np.ndarray:
+        """(B, p) what `states` (B, n) after the last span lead the output to be, without further noise."""
+        ...
+
+
+class LinearChain:
+    """The chain of a linear plant.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem
+    """
+
+    def __init__(self, problem: ReadingsProblem):
+        self.problem = problem
+        self.F, self.g, self.Q = between(problem)
+        times = problem.clock.times
+        self.sensors = [(s.C.sample(times), s.noise.sample(times)) for s in problem.sensors]
+        W, _ = terminal_weight(problem)
+        values, vectors = np.linalg.eigh((W + W.T) / 2)
+        self._root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """How many values each sensor has."""
+        return tuple(s.rows for s in self.problem.sensors)
+
+    def span(self, i: int, states: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where B `states` (B, n) are after span i, with F and Q (B, n, n)."""
+        B, n = states.shape
+        F, Q = np.broadcast_to(self.F[i], (B, n, n)), np.broadcast_to(self.Q[i], (B, n, n))
+        return product(F, states) + self.g[i], F, Q
+
+    def seen(self, i: int, j: int, states: np.ndarray) -> Seen:
+        """What sensor j reports of `states` (B, n) at reading i."""
+        C, R = (part[i] for part in self.sensors[j])
+        B = len(states)
+        slope = np.broadcast_to(C, (B, *C.shape))
+        return Seen(product(slope, states), slope, np.broadcast_to(R, (B, *R.shape)), np.ones(B, dtype=bool))
+
+    def angles(self, j: int) -> np.ndarray:
+        """(m,) none of a linear sensor's values is an angle."""
+        return np.zeros(self.rows[j], dtype=bool)
+
+    def output(self, states: np.ndarray) -> np.ndarray:
+        """(B, p) W^1/2 x for `states` (B, n): its squared length is what the terminal weight charges."""
+        return product(np.broadcast_to(self._root, (len(states), *self._root.shape)), states)
+
+
+class NonlinearChain:
+    """The chain of a plant given by formulas, linearised at each state anew.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem with a linearised plant
+    """
+
+    def __init__(self, problem: ReadingsProblem):
+        self.problem = problem
+        self.stages: Stages = stages(problem)
+        origin = self.stages.origin
+        self.flow = origin.plant.flow
+        self.sensors = [origin.sensors.get(s.name) for s in problem.sensors]
+        self.last = problem.readings + (0 if problem.discrete and problem.at == "posterior" else 1)
+
+    @cached_property
+    def rows(self) -> tuple[int, ...]:
+        """How many values each sensor has."""
+        return tuple(0 if s is None else s.rows for s in self.sensors)
+
+    def span(self, i: int, states: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where B `states` (B, n) are after span i, with F and Q (B, n, n)."""
+        B, n = states.shape
+        length = float(self.stages.lengths[i]) if i < self.last else 0.0
+        if length == 0:
+            return states, np.broadcast_to(np.eye(n), (B, n, n)), np.zeros((B, n, n))
+        flow, since = self.flow, float(self.stages.since[i])
+        count = 1 if flow.discrete else 2 * self.stages.substeps
+        times, h = since + length * np.arange(count + 1) / count, np.full(B, length / count)
+        halves, nodes = [], [states]
+        for t in times[:-1]:
+            end, slope = flow.step(nodes[-1].T, np.full((1, B), t), h[None])
+            nodes.append(np.array(end).T)
+            halves.append(np.swapaxes(np.array(slope).T.reshape(B, n, n), 1, 2))
+        at = list(zip(nodes[:1] if flow.discrete else nodes, times, strict=False))
+        Xi = np.stack([flow.intensities(x, np.full(B, t)) for x, t in at], axis=1)
+        F, Q = combined(np.stack(halves, axis=1), Xi, np.full(B, length))
+        return nodes[-1], F, Q
+
+    def seen(self, i: int, j: int, states: np.ndarray) -> Seen:
+        """What sensor j reports of `states` (B, n) at reading i."""
+        sensor, B = self.sensors[j], len(states)
+        if sensor is None:
+            n = states.shape[1]
+            return Seen(np.zeros((B, 0)), np.zeros((B, 0, n)), np.zeros((B, 0, 0)), np.ones(B, dtype=bool))
+        t = np.full(B, float(self.stages.times[i]))
+        visible = sensor.seen()
+        there = np.ones(B, dtype=bool) if visible is None else evaluate(visible, states, t)[:, 0, 0] > 0
+        value = evaluate(sensor.values(), states, t)[:, :, 0]
+        return Seen(value, evaluate(sensor.slope(), states, t), evaluate(sensor.covariance(), states, t), there)
+
+    def angles(self, j: int) -> np.ndarray:
+        """(m,) which values of sensor j are angles."""
+        sensor = self.sensors[j]
+        return np.zeros(0, dtype=bool) if sensor is None else np.array(sensor.angles, dtype=bool)
+
+    def output(self, states: np.ndarray) -> np.ndarray:
+        """(B, p) D x at the time that is predicted, from `states` (B, n) after the last span."""
+        D = self.problem.output.at(self.problem.output_at)
+        lengths, N = self.stages.lengths, self.problem.readings
+        for i in range(N + 1, 0 if self.problem.discrete else len(lengths)):
+            states = self.flow.advance(states.T, float(self.stages.since[i]), float(lengths[i]), self.stages.substeps).T
+        return product(np.broadcast_to(D, (len(states), *D.shape)), states)
+
+
+def chain_of(problem: ReadingsProblem) -> LinearChain | NonlinearChain:
+    """The chain of a problem of readings.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem
+
+    Raises UsageError for continuous sensing.
+    """
+    if not problem.takes_readings:
+        hint = "horizon: {steps: ..}, or sensing: samples"
+        raise UsageError(f"runs are simulated of readings at instants, not of continuous sensing\n  hint: {hint}")
+    return LinearChain(problem) if linearisation_of(problem) is None else NonlinearChain(problem)
+
+
+def product(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(B, r) products of B matrices (B, r, n) with B vectors (B, n), each by itself."""
+    return (matrices @ vectors[:, :, None])[:, :, 0]

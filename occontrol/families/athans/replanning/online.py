@@ -1,0 +1,183 @@
+"""A filter for a loop on a target that plans anew on the way: read, step, perhaps plan, say what to read next.
+
+It plans at every `every`-th reading at which a decision begins, unless the last innovations are larger than those of a
+consistent filter ever are: a plan from a wrong estimate follows it. Where the deadline passes, the old plan goes on.
+Athans (1971), section 8.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from occontrol.core.errors import ProblemError
+from occontrol.core.measurement import Step
+from occontrol.core.schedule import Schedule
+from occontrol.families.athans.nonlinear.linearise import Replanning
+from occontrol.families.athans.readings.filter import weights_on
+from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.families.athans.replanning.chain import chain_of, product
+from occontrol.families.athans.replanning.filter import predicted, updated
+from occontrol.families.athans.replanning.planner import Planner, Replan, usable
+
+USED = 0.5
+WATCHED = 10  # readings whose normalised innovations are added
+RARE = 1e-4  # how often a consistent filter is called lost
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReplannedStep(Step):
+    """What is known after a reading.
+
+    Parameters
+    ----------
+    replan : the plan that was made after it, or None
+    diverging : whether the last innovations are larger than those of a consistent filter ever are
+    """
+
+    replan: Replan | None = None
+    diverging: bool = False
+
+
+class Watch:
+    """The sum of the last normalised innovations, against what a consistent filter stays below."""
+
+    def __init__(self) -> None:
+        self._recent: deque[tuple[float, int]] = deque(maxlen=WATCHED)
+
+    def add(self, nis: float, values: int) -> None:
+        """Note one reading's NIS and its number of values."""
+        if values:
+            self._recent.append((nis, values))
+
+    @property
+    def diverging(self) -> bool:
+        """Whether the sum is beyond what a consistent filter exceeds once in ten thousand times."""
+        if not self._recent:
+            return False
+        total, values = (sum(part) for part in zip(*self._recent, strict=True))
+        return bool(total > limit(int(values)))
+
+
+def limit(values: int) -> float:
+    """What the sum of so many squared normal numbers stays below but once in ten thousand times."""
+    from scipy.stats import chi2
+
+    return float(chi2.ppf(1 - RARE, values))
+
+
+class ReplanningLoop:
+    """The on-line object of a problem of readings that plans anew.
+
+    Parameters
+    ----------
+    problem : ReadingsProblem, of a linear or a nonlinear plant
+    schedule : the plan to begin with
+    options : Replanning; those of the problem, or the defaults, if left out
+
+    Raises UsageError for continuous sensing and for rules on whole schedules.
+    """
+
+    def __init__(self, problem: ReadingsProblem, schedule: Schedule, options: Replanning | None = None):
+        self.problem, self.chain = problem, chain_of(problem)
+        self.options = options or getattr(getattr(problem.plant, "linearised", None), "replan", None) or Replanning()
+        self.planner = Planner(self.chain, self.options.gap, self.options.horizon, self.options.deadline)
+        self.names = tuple(problem.sensors.names)
+        self._planned = weights_on(problem, schedule)
+        self.restart()
+
+    def restart(self) -> None:
+        """Back to the start of the horizon and the first plan."""
+        plant = self.problem.plant
+        self.k, self.weights = 0, self._planned.copy()
+        self.mean = np.asarray(plant.mean, dtype=float)[None]
+        self.covariance = ((plant.covariance + plant.covariance.T) / 2)[None]
+        self.watch, self.shares = Watch(), None
+        self._advance()
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last reading was taken."""
+        return self.k >= self.problem.readings
+
+    @property
+    def next_sensors(self) -> tuple[str, ...]:
+        """Names of the sensors to read next."""
+        if self.finished:
+            return ()
+        return tuple(n for j, n in enumerate(self.names) if self.chain.rows[j] and self.weights[self.k, j] > USED)
+
+    def step(self, measurements: Mapping[str, np.ndarray] | None = None) -> ReplannedStep:
+        """Take the readings of this time, go on to the next one, and plan anew where it is due.
+
+        Parameters
+        ----------
+        measurements : {sensor name: (m,) values}; a sensor left out, or NaN, is a lost reading
+
+        Raises ProblemError for a sensor that does not exist, a wrong number of values, and beyond the end.
+        """
+        if self.finished:
+            raise ProblemError("the horizon is over: there is no further reading", "restart() begins again")
+        nis = values = 0.0
+        for name, given in (measurements or {}).items():
+            if name not in self.names:
+                raise ProblemError(f"there is no sensor '{name}'", f"there are: {', '.join(self.names)}")
+            j, z = self.names.index(name), np.atleast_1d(np.asarray(given, dtype=float))
+            if z.shape != (self.chain.rows[j],):
+                raise ProblemError(f"a reading of sensor '{name}' is {self.chain.rows[j]} values, not {z}")
+            if np.all(np.isfinite(z)):
+                seen = self.chain.seen(self.k, j, self.mean)
+                self.mean, self.covariance, own = updated(
+                    self.mean, self.covariance, seen, z[None], self.chain.angles(j)
+                )
+                nis, values = nis + float(own[0]), values + len(z)
+        self.watch.add(nis, int(values))
+        time = float(self.problem.clock.times[self.k])
+        mean, covariance = self.mean[0], self.covariance[0]
+        self.k += 1
+        self._advance()
+        made = self._plan()
+        w, spread = self._prediction()
+        return ReplannedStep(
+            time=time, estimate=mean, covariance=covariance, prediction=w, prediction_covariance=spread,
+            nis=nis if values else np.nan, dimension=int(values), next_sensors=self.next_sensors, replan=made,
+            diverging=self.watch.diverging,
+        )  # fmt: skip
+
+    def _advance(self) -> None:
+        """Over the span to the next reading, or to the end."""
+        mean, F, Q = self.chain.span(self.k, self.mean)
+        self.mean, self.covariance = mean, predicted(self.covariance, F, Q)
+
+    def _plan(self) -> Replan | None:
+        k = self.k
+        if self.finished or k % self.options.every or not self.planner.begins(k) or self.watch.diverging:
+            return None
+        if not usable(self.mean, self.covariance):
+            return None
+        try:
+            made = self.planner.plan(k, self.mean[0], self.covariance[0], self.weights, self.shares)
+        except ProblemError:  # the path from a wrong estimate may leave the numbers: the old plan goes on
+            return None
+        if not made.late:
+            self.weights[k:] = made.weights
+        return made
+
+    def _prediction(self) -> tuple[np.ndarray, np.ndarray]:
+        """The output as it is predicted now, and its covariance by the maps along the way."""
+        mean, covariance = self.mean, self.covariance
+        for i in range(self.k + 1, self.problem.readings + 1):
+            mean, F, Q = self.chain.span(i, mean)
+            covariance = predicted(covariance, F, Q)
+        D = self.problem.output.at(self.problem.output_at)
+        n = mean.shape[1]
+        step = 1e-6 * (1 + np.abs(mean[0]))
+        moved = np.repeat(mean, 2 * n, axis=0) + np.vstack([np.diag(step), -np.diag(step)])
+        ends = self.chain.output(moved)
+        slope = ((ends[:n] - ends[n:]) / (2 * step[:, None])).T
+        if slope.shape[0] != D.shape[0]:  # of a linear plant: the root of the terminal weight in its place
+            return product(D[None], mean)[0], D @ covariance[0] @ D.T
+        return self.chain.output(mean)[0], slope @ covariance[0] @ slope.T
