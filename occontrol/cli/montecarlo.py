@@ -32,13 +32,13 @@ def montecarlo(
     from occontrol.core.errors import UsageError
     from occontrol.families.family import Ability
     from occontrol.files.atomic import refuse_same, write_text
-    from occontrol.files.figures import save
+    from occontrol.files.page.records import write_records_page
     from occontrol.files.plain_json import to_json
     from occontrol.files.run_folder import check_writable
     from occontrol.studies.batches import workers
 
     folder = out or Path("runs") / f"{file.stem}-montecarlo"
-    refuse_same([folder / "montecarlo.json", folder / "montecarlo.png"], [file])
+    refuse_same([folder / f"montecarlo.{end}" for end in ("json", "png", "html")], [file])
     names = None if policies is None else [name.strip() for name in policies.split(",") if name.strip()]
     if names == []:
         raise UsageError("--policies names no policy\n  hint: for example --policies nominal,replanned")
@@ -54,7 +54,11 @@ def montecarlo(
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "montecarlo.json", to_json(content))
     if figures:
-        save(family.monte_carlo_figure(found), folder / "montecarlo.png")
+        rows = [{"policy": name, **row} for name, row in content["policies"].items()]
+        write_records_page(
+            folder / "montecarlo.html", str(problem.name), "policies in closed loop", rows,
+            {"montecarlo": family.monte_carlo_figure(found)}, sentences=[content["verdict"]],
+        )  # fmt: skip
     if json:
         print_json(content)
     else:

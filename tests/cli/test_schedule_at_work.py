@@ -59,7 +59,7 @@ def test_filter_works_from_a_run_folder_copied_elsewhere(here, capsys):
     assert "NIS: " in report and "99 % band" in report and "NEES against m.truth.csv: " in report
     header, rows = table("e.csv")
     assert header[:8] == ["t", "x1", "x2", "sd_x1", "sd_x2", "w1", "sd_w1", "nis"]
-    assert header[8:] == ["w1_now", "sd_w1_now"] and len(rows) == 41
+    assert header[8:] == ["w1_now", "sd_w1_now", "nees"] and len(rows) == 41
     assert {p.name for p in here.glob("e.*.png")} == {"e.estimates.png", "e.prediction.png", "e.consistency.png"}
     truth = table("m.truth.csv")[1]
     np.testing.assert_array_equal(truth[:, 0], rows[:, 0])

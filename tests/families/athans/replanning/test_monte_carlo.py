@@ -169,7 +169,7 @@ def test_the_command_prints_a_table_a_verdict_and_json(tmp_path: Path, monkeypat
     text = capsys.readouterr().out
     assert "verdict  20 runs." in text and "greedy-information" in text
     folder = Path("runs/radars-montecarlo")
-    assert sorted(p.name for p in folder.iterdir()) == ["montecarlo.json", "montecarlo.png"]
+    assert sorted(p.name for p in folder.iterdir()) == ["montecarlo.html", "montecarlo.json", "montecarlo.png"]
     words = ["montecarlo", "radars.yaml", "--runs", "20", "--seed", "2", "--policies", "nominal,greedy", "--json"]
     assert command([*words, "--no-figures"]) == 0
     found = json.loads(capsys.readouterr().out)
