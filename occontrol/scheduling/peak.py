@@ -21,6 +21,8 @@ from occontrol.scheduling.proof import Judged
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.sweep import Sweep
 
+ROUNDING = 16 * float(np.finfo(float).eps)
+
 
 @dataclass(frozen=True, eq=False)
 class Watched:
@@ -156,7 +158,10 @@ class PeakSweep(Sweep):
         if self.limit is not None:
             offset -= self.limit * float(np.sum(shares))
         trace = replace(self.recursion, running=self._weighted(shares))
-        return Judged(weights, J, g, [Term(1.0, trace)], offset=offset)
+        sizes = np.abs(self.watched.constant) + np.abs(self._variances) + abs(self.limit or 0.0)
+        # terms of the offset cancel those of the trace
+        slack = ROUNDING * (abs(self._constant) + float(shares @ sizes))
+        return Judged(weights, J, g, [Term(1.0, trace)], offset=offset, slack=slack)
 
     def _run_forward(self, weights: np.ndarray, keep: bool) -> float:
         n, watched, seen = self._n, self.watched, self._seen

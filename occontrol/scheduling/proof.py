@@ -17,6 +17,7 @@ from occontrol.scheduling.certified import Term, certified
 from occontrol.scheduling.feasible_set import FeasibleSet
 
 MIXED = 20.0
+DIGIT = 4 * float(np.finfo(float).eps)
 MESHES = 5.0  # errors of integration by which the costs on two meshes may differ
 
 
@@ -137,7 +138,8 @@ def prove(
         for exact, policy in zip(found, policies, strict=True)
     ]
     if final.convex:
-        own = min(exact.bound_allowance for exact in found)
+        # the last digit of the costs that the bound was computed from; that of the schedule itself may be 0
+        own = max(min(each.bound_allowance for each in found), DIGIT * max(abs(each.cost) for each in found))
         bounds.append((known_bound - MIXED * max(spread, difference) - own, own))
         if final.cost >= 0 and not signed:  # no cost is negative, as q, R and W are not
             bounds.append((0.0, 0.0))
