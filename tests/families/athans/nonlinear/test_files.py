@@ -64,7 +64,8 @@ def test_tables_and_pictures_say_whose_bound_they_show(tmp_path, capsys):
     assert json.loads((tmp_path / "t" / "tradeoff.json").read_text())["certificate_of"] == "linearised"
     problem = read(BEARINGS, tmp_path)
     figure = plot(solve(problem, "greedy"), figure="overview")
-    assert any("linearised" in text.get_text() for text in figure.texts)
+    texts = [*figure.texts, *(text for axes in figure.axes for text in axes.texts)]
+    assert any("linearised" in text.get_text() for text in texts)
 
 
 def test_linear_plants_say_that_their_certificate_is_of_the_problem(small_solution):
