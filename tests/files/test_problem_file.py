@@ -206,7 +206,10 @@ def test_shipped_problems_survive_the_round_trip(tmp_path):
     assert files
     for file in files:
         problem = read_problem(file)
-        assert same(problem, read(tmp_path, json.dumps(document(problem)), "problem.json")), file
+        again = read(tmp_path, json.dumps(document(problem)), "problem.json")
+        if hasattr(problem, "predict_at"):
+            assert same(problem, again), file
+        assert document(again) == document(problem), file  # of many targets all that there is to compare
 
 
 def test_template_is_a_problem():

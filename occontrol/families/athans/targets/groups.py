@@ -10,8 +10,6 @@ import numpy as np
 
 from occontrol.core.signal import ConstantSignal, Signal
 from occontrol.numerics.linalg import whiten
-from occontrol.numerics.short_flow import short_flow
-from occontrol.numerics.transition import transitions, unique_spans
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +96,9 @@ class TargetGroup:
 
         Returns F and Q, (G or 1, U, n, n) of the U distinct stretches, and which (K,) of them each stretch is.
         """
+        from occontrol.numerics.short_flow import short_flow
+        from occontrol.numerics.transition import transitions, unique_spans
+
         if isinstance(self.A, Signal) or isinstance(self.noise, Signal):
             A, noise = self.plant_of(0)
             if not (A.constant and noise.constant):
