@@ -53,5 +53,5 @@ def _differences(axes: Axes, rows: list[dict]) -> None:
     size = max((abs(mean) + 2 * error for _, mean, error in shown), default=1.0)
     if shown and size > 50 * min(abs(mean) + 2 * error for _, mean, error in shown):
         axes.set_xscale("symlog", linthresh=size / 100)
-    axes.set_xlabel("difference to the nominal plan, paired")
+    axes.set_xlabel("difference in cost to the nominal plan, paired")
     axes.grid(axis="x")

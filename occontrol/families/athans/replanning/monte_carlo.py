@@ -1,8 +1,8 @@
 """Policies side by side on simulated runs: their errors with confidence, divergence, consistency, and a verdict.
 
 Runs are paired: every policy meets the same truths and noises, so differences need fewer runs than errors. Looks at
-fixed numbers of runs may end it early: the difference to `nominal` of every other policy is then further from 0 than z
-standard errors, or z standard errors are inside the margin, with z of a two-sided error of ERROR shared by all looks.
+fixed numbers of runs may end it early: the difference in cost to `nominal` of every other policy is then further from
+0 than z standard errors, or these are inside the margin, with z of a two-sided error of ERROR shared by all looks.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ POLICIES = ("nominal", "replanned", "greedy", "greedy-information", "round-robin
 BATCH = 50
 FIRST_LOOK, LOOK = 100, 100  # runs
 ERROR = 0.05  # two-sided, of all looks together
-MARGIN = 0.01  # of the nominal error: a smaller difference is none
+MARGIN = 0.01  # of the nominal cost: a smaller difference is none
 DIVERGED = 10.0  # mean NEES per state
 
 
@@ -205,10 +205,10 @@ def _decided(found: dict[str, Outcomes], looks: int) -> bool:
     if base is None or len(found) < 2:
         return False
     z = _quantile(looks * (len(found) - 1))
-    margin = MARGIN * float(np.mean(base.error))
+    margin = MARGIN * float(np.mean(base.cost))
     for name, other in found.items():
         if name != "nominal":
-            difference = other.error - base.error
+            difference = other.cost - base.cost
             if not np.all(np.isfinite(difference)):
                 return False
             mean, error = float(np.mean(difference)), _standard_error(difference)
@@ -231,14 +231,14 @@ def _numbers(own: Outcomes, nominal: Outcomes | None, milliseconds: list[float])
         "diverged": float(np.mean(~finite | (own.nees > DIVERGED))),
         "nees": float(np.mean(own.nees[np.isfinite(own.nees)])) if np.any(np.isfinite(own.nees)) else None,
         "nis": float(np.nanmean(own.nis)) if np.any(np.isfinite(own.nis)) else None,
-        "cost": float(np.mean(own.error[finite] + own.price[finite])) if len(error) else None,
+        "cost": float(np.mean(own.cost[finite])) if len(error) else None,
         "lost": float(np.mean(own.lost)),
         "readings": float(np.mean(own.readings)),
         "milliseconds": float(np.median(milliseconds)) if milliseconds else 0.0,
     }
     if nominal is not None and nominal is not own:
         both = finite & np.isfinite(nominal.error)
-        difference = own.error[both] - nominal.error[both]
+        difference = own.cost[both] - nominal.cost[both]
         found["difference"] = float(np.mean(difference)) if len(difference) else None
         found["difference_error"] = _standard_error(difference) if len(difference) > 1 else None
     return found
@@ -249,15 +249,18 @@ def _verdict(table: PlainDict, done: int, runs: int, decided: bool) -> str:
     said = []
     nominal = table.get("nominal")
     for name, row in table.items():
-        if nominal is None or name == "nominal" or not row.get("difference_error"):
+        if nominal is None or name == "nominal" or row.get("difference_error") is None:
+            continue
+        if not row["difference_error"]:
+            said.append(f"{name}: the nominal plan itself" + (": replanning does not pay" * (name == "replanned")))
             continue
         z = row["difference"] / row["difference_error"]
-        share = row["difference"] / nominal["mean"] if nominal["mean"] else float("nan")
-        interval = 1.96 * row["difference_error"] / abs(nominal["mean"]) if nominal["mean"] else float("nan")
+        base = abs(nominal["cost"] or float("nan"))
+        share, interval = row["difference"] / base, 1.96 * row["difference_error"] / base
         if abs(z) < 1.96:
             text = f"no difference to the nominal plan is seen ({share:+.2%} +- {interval:.2%})"
         else:
-            text = f"{'less' if z < 0 else 'more'} error than the nominal plan ({share:+.2%} +- {interval:.2%})"
+            text = f"{'less' if z < 0 else 'more'} cost than the nominal plan ({share:+.2%} +- {interval:.2%})"
         if name == "replanned":
             pays = z < -1.96 and row["diverged"] <= nominal["diverged"]
             text += ": replanning pays" if pays else ": replanning does not pay"

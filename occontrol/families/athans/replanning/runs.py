@@ -83,6 +83,11 @@ class Outcomes:
     lost: np.ndarray
     readings: np.ndarray
 
+    @property
+    def cost(self) -> np.ndarray:
+        """(B,) error and price together: what the plan makes small."""
+        return self.error + self.price
+
     @staticmethod
     def joined(parts: Sequence[Outcomes]) -> Outcomes:
         """One after the other.
