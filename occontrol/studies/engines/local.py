@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from occontrol.studies.folder import MOST_TRIES, Entry, StudyFolder
 from occontrol.studies.run_task import run_task
 
+MOST_STILLBORN = 20  # workers of one run that may die while they load, before a task pays for it
 PAUSE = 0.2  # seconds between looks at interruptions and time limits
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -49,6 +50,11 @@ class _Place:
     entry: Entry | None = None
     began: float = 0.0
     overdue: bool = field(default=False)
+
+    @property
+    def loaded(self) -> bool:
+        """Whether the worker ever answered."""
+        return self.pid.done() and self.pid.exception() is None
 
     def kill(self) -> None:
         """End the worker at once."""
@@ -82,6 +88,7 @@ def run_here(
     progress = Progress(len(entries), sum(folder.done(e.identity) for e in entries))
     progress.failed = len(entries) - progress.done - len(queue)
     tell(progress)
+    stillborn = 0
     with _places(min(jobs, len(queue))) as places:
         running: dict[Future[str], int] = {}
         while (queue or running) and not stopped():
@@ -95,7 +102,10 @@ def run_here(
                 number = running.pop(future)
                 place = places[number]
                 entry, place.entry = place.entry, None
-                if entry is not None and (message := _outcome(future, place, timeout)):
+                if entry is not None and not place.loaded and stillborn < MOST_STILLBORN:
+                    stillborn += 1  # it died before it was at the task
+                    queue.appendleft(entry)
+                elif entry is not None and (message := _outcome(future, place, timeout)):
                     tries = folder.failed(entry.identity, message)
                     if tries < MOST_TRIES:
                         queue.append(entry)
