@@ -193,7 +193,7 @@ class Solution:
         parts = [self.family, str(self.status)]
         if self.certificate is not None:
             c = self.certificate
-            parts += [f"cost {c.cost:.5g}", f"bound {c.lower_bound:.5g}", f"gap {100 * c.relative_gap:.2g} %"]
+            parts += [f"cost {c.cost:.5g}", f"bound {c.lower_bound:.5g}", gap_words(c.relative_gap, c.absolute, 2)]
         return f"<{' '.join(parts)}>"
 
     def _repr_html_(self) -> str:

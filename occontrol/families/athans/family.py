@@ -191,6 +191,9 @@ class AthansFamily(RateFamily):
         self, problem: AthansProblem, solution: Solution | None, monitor: Monitor, change: float | None = None
     ) -> ResultData:
         """Derivatives of the relaxed optimum; UsageError for rules."""
+        from occontrol.families.athans.scope import require_traces
+
+        require_traces(problem, "sensitivities")
         return self._half(problem).sensitivity(problem, solution, monitor, change)
 
     def monte_carlo(

@@ -19,6 +19,7 @@ from occontrol.families.athans.nonlinear.path import evaluate
 from occontrol.families.athans.readings.fill import terminal_weight
 from occontrol.families.athans.readings.filter import between
 from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.families.athans.scope import require_traces
 from occontrol.numerics.flow import combined
 
 
@@ -184,8 +185,9 @@ def chain_of(problem: ReadingsProblem) -> LinearChain | NonlinearChain:
     ----------
     problem : ReadingsProblem
 
-    Raises UsageError for continuous sensing.
+    Raises UsageError for continuous sensing, other criteria than the trace, and what has no prior or no end.
     """
+    require_traces(problem, "simulated runs in closed loop")
     if not problem.takes_readings:
         hint = "horizon: {steps: ..}, or sensing: samples"
         raise UsageError(f"runs are simulated of readings at instants, not of continuous sensing\n  hint: {hint}")
