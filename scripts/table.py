@@ -17,6 +17,7 @@ from pathlib import Path
 
 from occontrol.api import choose_method, solve
 from occontrol.core.errors import OccontrolError
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution, versions
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -54,12 +55,12 @@ def row(name: str, problem, method: str, solution: Solution | str) -> list[str]:
     continuous = ["", "", ""]
     if not problem.takes_readings:
         c = r["continuous"]
-        continuous = [f"{c['cost']:.7g}", f"{c['lower_bound']:.7g}", f"{100 * c['relative_gap']:.3g}"]
+        continuous = [f"{c['cost']:.7g}", rounded_down(c["lower_bound"], 7), f"{100 * c['relative_gap']:.3g}"]
     return [
         *sizes,
         str(solution.status),
         f"{r['cost']:.7g}",
-        f"{r['lower_bound']:.7g}",
+        rounded_down(r["lower_bound"], 7),
         f"{100 * r['relative_gap']:.3g}",
         *continuous,
         str(r["switches"]),

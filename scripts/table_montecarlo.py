@@ -16,6 +16,7 @@ from pathlib import Path
 
 import occontrol as oc
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.families.athans.replanning.monte_carlo import compare
 from occontrol.studies.batches import workers
 
@@ -124,9 +125,9 @@ def _case(name: str, prior: str, text: str, options: argparse.Namespace) -> None
     index = solution.result.get("nonlinearity") or {}
     print(f"\n### {name}, prior deviation {prior}\n")
     print(
-        f"Planned {top.cost:.5g}, bound {top.lower_bound:.5g} (of the linearised problem); nonlinearity: readings "
-        f"{index.get('readings', 0):.3g}, predictions {index.get('predictions', 0):.3g}. {found.runs} runs, "
-        f"{time.perf_counter() - began:.0f} s.\n"
+        f"Planned {top.cost:.5g}, bound {rounded_down(top.lower_bound, 5)} (of the linearised problem); "
+        f"nonlinearity: readings {index.get('readings', 0):.3g}, predictions {index.get('predictions', 0):.3g}. "
+        f"{found.runs} runs, {time.perf_counter() - began:.0f} s.\n"
     )
     print("| policy | mean error | median | to nominal, 95 % | diverged | NEES | NIS | lost | ms a decision |")
     print("|---|---|---|---|---|---|---|---|---|")

@@ -12,6 +12,7 @@ from occontrol.cli import run
 TEXT = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
 BY_HAND = "start,end,sensors\n0,8,doppler\n8,10,range\n"
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+TARGET = 1e-4  # the gap that methods aim at when nothing else is asked
 SAME = 1e-3  # of a number: other versions of the libraries below stop elsewhere within the target gap of 1e-4
 
 
@@ -36,11 +37,17 @@ def commands(text: str) -> list[tuple[str, list[str]]]:
 def tokens(line: str, table: bool) -> list[str]:
     """The words of a line without what depends on the machine's speed."""
     words = re.sub(r"\d+(\.\d+)? s$", "T s", line.strip()).split()
-    return words[:-1] if table else words
+    words = words[:-1] if table else words
+    following = [*words[1:], ""][: len(words)]
+    return [f"{a}%" if b == "%" and NUMBER.fullmatch(a) else a for a, b in zip(words, following, strict=True)]
 
 
 def same(shown: str, printed: str) -> bool:
-    """Whether two words agree, numbers to SAME."""
+    """Whether two words agree, numbers to SAME, percentages to the gap that is aimed at."""
+    # a gap is the small difference of two such numbers
+    if all(word.endswith("%") and word != "%" for word in (shown, printed)):
+        a, b = float(shown[:-1]), float(printed[:-1])
+        return abs(a - b) <= max(SAME * abs(a), 100 * TARGET)
     one, other = (NUMBER.fullmatch(word.strip("[],.;")) for word in (shown, printed))
     if one and other:
         a, b = float(one[0]), float(other[0])
@@ -78,4 +85,6 @@ def test_the_worked_example_prints_what_the_readme_shows(workplace: Path, capsys
 
 def test_the_comparison_can_fail() -> None:
     assert same("0.16665", "0.16664") and same("gap", "gap")
+    assert same("32.5%", "32.51%") and same("0.00579%", "0.00581%")
+    assert not same("32.5%", "32.6%") and not same("0.00579%", "0.0159%") and not same("0.01%", "0.01")
     assert not same("0.1666", "0.1696") and not same("gap", "gaps")

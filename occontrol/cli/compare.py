@@ -11,6 +11,7 @@ import typer
 from occontrol.cli.output import note, note_linearised, number, percent, print_json, print_table, with_error
 from occontrol.cli.solve import JsonFlag, ProblemFile, run_method
 from occontrol.core.kinds import PlainDict
+from occontrol.core.printed import rounded_down
 from occontrol.core.problem import BaseProblem
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ def _print(rows: list[PlainDict], named: Sequence[str] = ()) -> None:
     if bounded:
         headers += ["lower bound", "above best bound", "switches"]
         columns += [
-            lambda r: number(r.get("lower_bound")),
+            lambda r: rounded_down(r.get("lower_bound"), 8),
             lambda r: (number if r.get("gap") else percent)(r.get("gap_to_best_bound")),
             lambda r: number(r.get("switches")),
         ]

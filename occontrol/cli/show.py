@@ -6,6 +6,7 @@ from occontrol.cli.export import RunFolder
 from occontrol.cli.output import number, percent, print_json, print_pairs
 from occontrol.cli.solve import JsonFlag
 from occontrol.core.kinds import Plain, PlainDict
+from occontrol.core.printed import rounded_down
 
 
 def show(run: RunFolder, json: JsonFlag = False) -> int:
@@ -27,7 +28,7 @@ def show(run: RunFolder, json: JsonFlag = False) -> int:
     if isinstance(first.get("cost"), int | float):
         pairs.append(("cost", number(first.get("cost"))))
     if isinstance(first.get("lower_bound"), int | float):
-        bound = f"{number(first.get('lower_bound'))}   {_gap(first)}"
+        bound = f"{rounded_down(first['lower_bound'], 8)}   {_gap(first)}"
         pairs.append(("lower bound", bound))
     pairs.append(("digest", str(result.get("digest", "not recorded (written by the first edition)"))))
     pairs.append(("versions", _listed(result.get("versions"))))

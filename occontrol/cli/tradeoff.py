@@ -9,6 +9,7 @@ import typer
 
 from occontrol.cli.output import note_linearised, number, percent, print_json, print_table
 from occontrol.cli.solve import JsonFlag, ProblemFile, default_folder
+from occontrol.core.printed import rounded_down
 
 
 def tradeoff(
@@ -70,7 +71,7 @@ def _print(content: dict) -> None:
             number(p["observation_cost"], 6),
             number(p["error"], 6),
             number(p["cost"]),
-            number(p["lower_bound"]),
+            rounded_down(p["lower_bound"], 8),
             percent(p["relative_gap"]),
             str(p["switches"]),
         )
@@ -86,7 +87,7 @@ def _print_budgets(content: dict) -> None:
             number(p["budget"], 6),
             number(p["observation_cost"], 6),
             number(p["error"]),
-            number(p["lower_bound"]),
+            rounded_down(p["lower_bound"], 8),
             percent(p["relative_gap"]),
             number(p["price"], 4),
             str(p["switches"]),

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from occontrol.core import stopwatch
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -211,7 +212,7 @@ def progress_text(monitor: Watched) -> str:
     if math.isfinite(cost):
         parts.append(f"cost {cost:.8g}")
     if math.isfinite(bound):
-        parts.append(f"bound {bound:.8g}")
+        parts.append(f"bound {rounded_down(bound, 8)}")
         if math.isfinite(cost) and monitor.absolute:
             parts.append(f"gap {cost - bound:.2g}")
         elif math.isfinite(cost) and cost:

@@ -14,6 +14,7 @@ import numpy as np
 from occontrol.core import stopwatch
 from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.problem import BaseProblem
 from occontrol.core.result import PlainResult, ResultData
 from occontrol.core.schedule import Schedule
@@ -191,9 +192,9 @@ class Solution:
 
     def __repr__(self) -> str:
         parts = [self.family, str(self.status)]
-        if self.certificate is not None:
-            c = self.certificate
-            parts += [f"cost {c.cost:.5g}", f"bound {c.lower_bound:.5g}", gap_words(c.relative_gap, c.absolute, 2)]
+        if (c := self.certificate) is not None:
+            pair = [f"cost {c.cost:.5g}", f"bound {rounded_down(c.lower_bound, 5)}"]
+            parts += [*pair, gap_words(c.relative_gap, c.absolute, 2)]
         return f"<{' '.join(parts)}>"
 
     def _repr_html_(self) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
 from occontrol.families.athans.certificate import Judgement, judge
@@ -216,9 +217,9 @@ def _remark(certificate: Certificate, top: TopNumbers, unfinished: str) -> str:
 
 def _message(status: Status, top: TopNumbers, singular: float, schedule: Schedule) -> str:
     which = "whenever it switches" if top.of == "continuous" else "that changes at these edges"
-    text = f"No schedule {which} costs less than {top.lower_bound:.6g}."
+    text = f"No schedule {which} costs less than {rounded_down(top.lower_bound, 6)}."
     if top.of == "continuous":
-        text = f"No schedule costs less than {top.lower_bound:.6g}, {which}."
+        text = f"No schedule costs less than {rounded_down(top.lower_bound, 6)}, {which}."
     if singular > 0 and status in (Status.CERTIFIED, Status.FEASIBLE):
         text += f" Arcs are singular on {100 * singular:.3g} % of the horizon: there"
         fast = " the optimum is approached only by fast switching."

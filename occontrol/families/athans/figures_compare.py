@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
@@ -66,7 +67,7 @@ def draw_compare(problem: AthansProblem, solutions: Mapping[str, Solution]) -> F
         if best == best:
             right.axvline(best, color=style.SECOND, linewidth=1.5)
             of = ", linearised" if linearisation_of(problem) is not None else ""
-            right.set_title(f"cost (line: no schedule costs less than {best:.6g}{of})")
+            right.set_title(f"cost (line: no schedule costs less than {rounded_down(best, 6)}{of})")
         low, high = min(0.0, float(np.min(costs))), max(0.0, float(np.max(costs)))
         right.set_xlim(low, high + 0.45 * (high - low) if high > low else None)
         right.set_yticks([])

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution, gap_words
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.figures_compare import sizes
@@ -35,7 +36,7 @@ def subtitle(problem: AthansProblem, solution: Solution) -> str:
     if c is None or not np.isfinite(c.lower_bound):
         return f"{text} · cost {solution.cost:.7g}"
     of = ", linearised" if linearisation_of(problem) is not None else ""
-    pair = f"cost {c.cost:.7g}, proven bound {c.lower_bound:.7g}"
+    pair = f"cost {c.cost:.7g}, proven bound {rounded_down(c.lower_bound, 7)}"
     return f"{text} · {pair}, {gap_words(c.relative_gap, problem.logarithmic, 2)}{of}"
 
 
@@ -119,7 +120,7 @@ def _certificate_lines(solution: Solution) -> list[str]:
 
 def _pair(cost: float, bound: float, gap: float, absolute: bool = False) -> list[str]:
     lines = [f"cost {cost:.7g}"]
-    return [*lines, f"proven bound {bound:.7g}", gap_words(gap, absolute)] if np.isfinite(bound) else lines
+    return [*lines, f"proven bound {rounded_down(bound, 7)}", gap_words(gap, absolute)] if np.isfinite(bound) else lines
 
 
 def compress(axes: Axes, values: np.ndarray) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution, gap_words
 from occontrol.families.athans.inspection import inspect
 from occontrol.families.athans.problem import SchedulingProblem
@@ -37,10 +38,10 @@ def summarise(solution: Solution) -> list[tuple[str, str]]:
     lines = [
         ("method", f"{solution.method}, {solution.iterations} iterations, {solution.seconds:.2f} s"),
         ("cost", f"{top.cost:.8g}"),
-        ("lower bound", f"{top.lower_bound:.8g}   {gap_words(top.relative_gap, top.absolute)}, {which}"),
+        ("lower bound", f"{rounded_down(top.lower_bound, 8)}   {gap_words(top.relative_gap, top.absolute)}, {which}"),
     ]
     if top.of == "continuous":
-        text = f"cost {r.cost:.8g}   bound {r.lower_bound:.8g}   {gap_words(r.relative_gap, top.absolute)}"
+        text = f"cost {r.cost:.8g}   bound {rounded_down(r.lower_bound, 8)}   {gap_words(r.relative_gap, top.absolute)}"
         lines.append(("on the grid", text))
     elif r.continuous is not None and r.continuous.reason:
         lines.append(("continuous", f"not computed: {r.continuous.reason.splitlines()[0]}"))

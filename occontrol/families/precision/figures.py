@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from occontrol.core.kinds import PlainDict
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.core.state_labels import default_names, state_names
 from occontrol.families.precision.problem import Problem
@@ -101,7 +102,7 @@ def _name_measurements(axes: Axes, labels: list[str]) -> None:
 
 def _overview(problem: Problem, solution: Solution, numbers: PrecisionResult) -> Figure:
     text = (
-        f"objective {numbers.objective:.6g}, proven bound {numbers.lower_bound:.6g}; "
+        f"objective {numbers.objective:.6g}, proven bound {rounded_down(numbers.lower_bound, 6)}; "
         f"{numbers.active} of {solution.arrays['precisions'].size} measurements are used"
     )
     figure = new_figure(SLIDE, problem.name, text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.families.precision.linearised import linearise_batch, undetectable_modes
 from occontrol.families.precision.problem import Problem
@@ -30,7 +31,7 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     margin = f"{result.margin:.3g} (smallest eigenvalue of bound - posterior)"
     lines += [
         (what, f"{result.objective:.10g}"),
-        ("lower bound", f"{result.lower_bound:.10g}   gap {100 * (result.relative_gap or 0.0):.3g} %"),
+        ("lower bound", f"{rounded_down(result.lower_bound, 10)}   gap {100 * (result.relative_gap or 0.0):.3g} %"),
         ("active", f"{result.active} of {uses}   at least {result.least_active} are needed"),
         ("margin", f"{margin}, {result.relative_margin:.1e} of the bound"),
         ("reachable", f"bound factor {_reachable(result.smallest_factor)}"),

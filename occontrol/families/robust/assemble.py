@@ -9,6 +9,7 @@ import numpy as np
 from occontrol.core import stopwatch
 from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
 from occontrol.families.robust.check import integrate
@@ -169,7 +170,8 @@ def shares_solution(
     schedule = Schedule(problem.edges, weights, tuple(problem.sensors.names))
     reached = certificate.relative_gap <= max(relative_gap, 1e-3)
     status = Status.INTERRUPTED if monitor.interrupted else Status.CERTIFIED if reached else Status.LIMIT
-    message = f"No sequence on these slots has a size below {certificate.lower_bound:.10g}. The shares are no schedule."
+    bound = rounded_down(certificate.lower_bound, 10)
+    message = f"No sequence on these slots has a size below {bound}. The shares are no schedule."
     common, arrays = _common(problem, slots, certificate, weights, path.ordinary)
     found = SharesResult(
         **common,

@@ -10,6 +10,7 @@ import numpy as np
 from occontrol.core.claims import Claims, false_claims
 from occontrol.core.errors import ProblemError
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution, Status
 from occontrol.families.robust.assemble import sequence_solution, unobservable_solution
@@ -47,7 +48,8 @@ def certify(problem: Problem, schedule: Schedule, claims: Claims | None = None) 
         method="certify",
         lower_bound=found.lower_bound,
         status=Status.FEASIBLE,
-        message=f"The best sequence known costs {found.cost:.8g}; none costs less than {found.lower_bound:.8g}.",
+        message=f"The best sequence known costs {found.cost:.8g}; "
+        f"none costs less than {rounded_down(found.lower_bound, 8)}.",
         monitor=watch,
         numbers={"nodes": found.nodes, "best_known_cost": found.cost},
     )

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from occontrol.core.measurement import Estimate
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.core.state_labels import state_labels, state_names, state_units
 from occontrol.core.trajectory import Trajectory
@@ -224,7 +225,7 @@ def _states(problem: Problem, solution: Solution) -> Figure:
 
 
 def _shares(problem: Problem, solution: Solution, lower_bound: float) -> Figure:
-    subtitle = f"relaxation: no sequence on these slots is smaller than {lower_bound:.6g}"
+    subtitle = f"relaxation: no sequence on these slots is smaller than {rounded_down(lower_bound, 6)}"
     figure = style.new_figure((13.33, 1.2 + 0.7 * len(problem.sensors) + 1.0), problem.name, subtitle)
     axes = figure.add_subplot()
     panels.schedule_panel(axes, solution.schedule)  # type: ignore[arg-type]

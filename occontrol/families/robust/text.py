@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.measurement import Estimate
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.robust.balanced import balanced
@@ -33,7 +34,7 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     elif isinstance(r, SequenceResult | SharesResult):
         lines += [
             (problem.measure.text, f"{r.cost:.10g}   (level {r.level:.10g})"),
-            ("lower bound", f"{r.lower_bound:.10g}   gap {100 * max(r.relative_gap, 0.0):.3g} %"),
+            ("lower bound", f"{rounded_down(r.lower_bound, 10)}   gap {100 * max(r.relative_gap, 0.0):.3g} %"),
         ]
         if isinstance(r, SequenceResult):
             lines += _about_sequence(problem, r)

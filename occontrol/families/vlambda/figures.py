@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.core.state_labels import state_labels
 from occontrol.families.vlambda.result import numbers_of
@@ -101,7 +102,7 @@ def _text(problem: Problem, solution: Solution) -> str:
     r = numbers_of(solution)
     lines = [f"status {solution.status}", "", f"cost {r.cost:.8g}"]
     if r.lower_bound is not None:
-        lines.append(f"bound {r.lower_bound:.8g}")
+        lines.append(f"bound {rounded_down(r.lower_bound, 8)}")
         lines += [] if r.relative_gap is None else [f"gap {100 * r.relative_gap:.3g} %"]
         if r.bound_holds_for:
             lines.append("(on a grid of locations)")

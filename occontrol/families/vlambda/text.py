@@ -8,6 +8,7 @@ from math import comb, log10
 import numpy as np
 
 from occontrol.core.errors import plural
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.families.vlambda.problem import Problem
 from occontrol.families.vlambda.result import EpochEntry, numbers_of
@@ -91,7 +92,7 @@ def summarise(problem: Problem, solution: Solution) -> list[tuple[str, str]]:
     ]
     if r.lower_bound is not None:
         gap = "" if r.relative_gap is None else f", gap {100 * r.relative_gap:.3g} %"
-        lines.append(("lower bound", f"{r.lower_bound:.10g}{gap}"))
+        lines.append(("lower bound", f"{rounded_down(r.lower_bound, 10)}{gap}"))
     if r.nodes is not None:
         text = f"{r.nodes} epochs walked"
         if r.log10_sequences is not None:

@@ -11,6 +11,7 @@ from occontrol.core import stopwatch
 from occontrol.core.errors import InfeasibleError
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution, Status
 from occontrol.core.state_labels import state_names
 from occontrol.families.athans.criteria.design_arrays import arrays_of, equivalence_of
@@ -175,7 +176,7 @@ def _assembled(
         status = Status.CERTIFIED if certificate.relative_gap <= found.target else Status.FEASIBLE
     status, message = checked(proof, plain, plain.cost, status, found.message)
     if status is not Status.DISAGREES:
-        text = f"No schedule of these readings costs less than {certificate.lower_bound:.6g}."
+        text = f"No schedule of these readings costs less than {rounded_down(certificate.lower_bound, 6)}."
         usual = status in (Status.CERTIFIED, Status.FEASIBLE)
         message = message or (text if usual else f"{status.text} {text}")
         message += remark_on(found, certificate) + proof.remark(found.target)

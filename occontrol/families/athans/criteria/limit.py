@@ -17,6 +17,7 @@ import numpy as np
 from occontrol.core.errors import InfeasibleError, SolveFailed
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Status
 from occontrol.families.athans.criteria.every import every_schedule
 from occontrol.families.athans.criteria.search import WORK, Doable, Hunted, hunt, improved, relax, require_method
@@ -78,7 +79,8 @@ def hunt_below(
         if isinstance(method, RelaxRoundPolish):
             raise SolveFailed(
                 f"no schedule was found whose peak is at most {limit:g}: the best has {sure.criterion_value:.8g}, none "
-                f"can have less than {peak.lower_bound:.8g}\n  hint: a larger limit, or exact: true of method schedule"
+                f"can have less than {rounded_down(peak.lower_bound, 8)}\n"
+                f"  hint: a larger limit, or exact: true of method schedule"
             )
         found.message = (
             f"The schedule of {method.name} does not keep the limit: its peak is {sure.criterion_value:.8g}, "
@@ -182,11 +184,11 @@ def _price(objective: PeakSweep, limit: float) -> float:
 
 def _unreachable(limit: float, bound: float, peak: float | None) -> InfeasibleError:
     if peak is None:
-        least = f"no schedule has a peak below {bound:.8g}"
+        least = f"no schedule has a peak below {rounded_down(bound, 8)}"
     elif peak - bound <= 1e-6 * peak:
         least = f"the least peak is {peak:.8g}"
     else:
-        least = f"the least peak lies between {bound:.8g} and {peak:.8g}"
+        least = f"the least peak lies between {rounded_down(bound, 8)} and {peak:.8g}"
     return InfeasibleError(
         f"no schedule keeps the peak at or below {limit:g}: {least}\n  hint: a larger limit, or more or better readings"
     )

@@ -18,6 +18,7 @@ from occontrol.core import stopwatch
 from occontrol.core.errors import InfeasibleError, SolveFailed, UsageError
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.schedule import Schedule
 from occontrol.core.signal import ConstantSignal
 from occontrol.core.solution import ALLOWANCE, Certificate, Solution, Status
@@ -169,7 +170,7 @@ def _assembled(measured: Measured, name: str, hunted: Hunted, monitor: Monitor, 
 def _message(top: TopNumbers, limit: float | None, status: Status) -> str:
     kept = "" if limit is None else f" whose peak is at most {limit:g}"
     which = ", whenever it switches" if top.of == "continuous" else " with changes at these edges"
-    text = f"No schedule{kept} costs less than {top.lower_bound:.6g}{which}."
+    text = f"No schedule{kept} costs less than {rounded_down(top.lower_bound, 6)}{which}."
     return text if status in (Status.CERTIFIED, Status.FEASIBLE) else f"{status.text} {text}"
 
 

@@ -8,6 +8,7 @@ from occontrol.core import stopwatch
 from occontrol.core.errors import InfeasibleError, Mistake, ProblemError
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.criteria.limit import KEEPS, hunt_below
 from occontrol.families.athans.criteria.objective import objective_of
@@ -119,7 +120,7 @@ def _assembled(
     status, message = checked(proof, plain, plain.cost, status, found.message)
     if status is not Status.DISAGREES:
         kept = "" if limit is None else f" whose peak is at most {limit:g}"
-        text = f"No schedule of these readings{kept} costs less than {certificate.lower_bound:.6g}."
+        text = f"No schedule of these readings{kept} costs less than {rounded_down(certificate.lower_bound, 6)}."
         usual = status in (Status.CERTIFIED, Status.FEASIBLE)
         message = message or (text if usual else f"{status.text} {text}")
         message += remark_on(found, certificate) + proof.remark(found.target) + (f" The {note}" if note else "")

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
+from occontrol.core.printed import rounded_down
 from occontrol.core.sensor import IDLE
 from occontrol.core.solution import Solution
 from occontrol.core.state_labels import state_labels
@@ -49,7 +50,8 @@ def draw(problem: PeriodicProblem, solution: Solution) -> dict[str, Figure]:
 
 def _subtitle(problem: PeriodicProblem, solution: Solution) -> str:
     r = solution.numbers
-    pair = f"cost {r.cost:.7g} a {problem.per}, proven bound {r.lower_bound:.7g}, gap {100 * r.relative_gap:.2g} %"
+    bound = rounded_down(r.lower_bound, 7)
+    pair = f"cost {r.cost:.7g} a {problem.per}, proven bound {bound}, gap {100 * r.relative_gap:.2g} %"
     return f"method {solution.method} · cycle of {r.period} · {pair}"
 
 
@@ -84,10 +86,10 @@ def _overview(problem: PeriodicProblem, solution: Solution) -> Figure:
 def _lines(problem: PeriodicProblem, solution: Solution) -> list[str]:
     r, bounds = solution.numbers, solution.result.get("bounds") or {}
     whom = "changes at multiples of the step" if problem.sensing == "rate" else "every schedule, periodic or not"
-    lines = [f"status {solution.status}", whom, f"cost {r.cost:.7g}", f"proven bound {r.lower_bound:.7g}",
+    lines = [f"status {solution.status}", whom, f"cost {r.cost:.7g}", f"proven bound {rounded_down(r.lower_bound, 7)}",
              f"gap {100 * r.relative_gap:.3g} %", ""]  # fmt: skip
     named = (("averaged", "averaged bound"), ("tree", f"proof, {r.leaves} words"))
-    return lines + [f"{words}: {bounds[key]:.7g}" for key, words in named if bounds.get(key) is not None]
+    return lines + [f"{words}: {rounded_down(bounds[key], 7)}" for key, words in named if bounds.get(key) is not None]
 
 
 def _draw_word(axes: Axes, problem: PeriodicProblem, solution: Solution) -> None:
@@ -155,11 +157,11 @@ def _draw_periods(axes: Axes, problem: PeriodicProblem, solution: Solution) -> N
     axes.plot(periods[all_], costs[all_], "o", color=style.ACCENT, ms=5, label="best of all of this length")
     if not np.all(all_):
         axes.plot(periods[~all_], costs[~all_], "o", mfc="white", color=style.ACCENT, ms=5, label="best that was found")
-    axes.axhline(r.lower_bound, color=style.SECOND, label=f"proven for all, {r.lower_bound:.6g}")
+    axes.axhline(r.lower_bound, color=style.SECOND, label=f"proven for all, {rounded_down(r.lower_bound, 6)}")
     averaged = bounds.get("averaged")
     lowest = r.lower_bound
     if averaged is not None and r.cost - averaged < 4 * (np.median(costs) - r.cost) + 20 * (r.cost - r.lower_bound):
-        axes.axhline(averaged, color=style.GREY, ls="--", lw=1.2, label=f"averaged bound, {averaged:.6g}")
+        axes.axhline(averaged, color=style.GREY, ls="--", lw=1.2, label=f"averaged bound, {rounded_down(averaged, 6)}")
         lowest = averaged
     # cycles that are far from the best would flatten all others
     high = max(np.median(costs), r.cost + 0.5 * (r.cost - lowest))

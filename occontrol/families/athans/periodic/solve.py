@@ -7,12 +7,12 @@ import numpy as np
 from occontrol.core import stopwatch
 from occontrol.core.kinds import PlainDict
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
 from occontrol.families.athans.periodic.check import AGREE, PlainCycle, plain_cycle
 from occontrol.families.athans.periodic.method import Periodic
 from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.families.athans.periodic.prove import Proven, Setting, proof_of, prove, setting_of
-from occontrol.families.athans.periodic.text import rounded_down
 from occontrol.families.athans.periodic.transient import transient
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers, TopNumbers
 from occontrol.numerics.linalg import symmetrise

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.errors import plural
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.families.athans.result import AthansResult
@@ -62,29 +63,16 @@ def summarise(problem: PeriodicProblem, solution: Solution) -> list[tuple[str, s
     ]
     if bounds.get("averaged") is not None:
         shares = ", ".join(f"{name} {100 * x:.3g} %" for name, x in (r.shares or {}).items())
-        lines.append(("averaged bound", f"{bounds['averaged']:.8g}, of sensors used in shares: {shares}"))
+        lines.append(("averaged bound", f"{rounded_down(bounds['averaged'], 8)}, of sensors used in shares: {shares}"))
     if bounds.get("tree") is not None:
-        lines.append(("proof", f"{bounds['tree']:.8g} by {plural(r.leaves or 0, 'word')} that stand for all schedules"))
+        words = plural(r.leaves or 0, "word")
+        lines.append(("proof", f"{rounded_down(bounds['tree'], 8)} by {words} that stand for all schedules"))
     if r.continuous is not None and r.continuous.cost is not None:
         gap = f"gap {100 * float(r.continuous.relative_gap or 0.0):.3g} %, whenever it switches"
-        lines.append(("continuous", f"cost {r.continuous.cost:.8g}   bound {r.continuous.lower_bound:.8g}   {gap}"))
+        bound = rounded_down(r.continuous.lower_bound, 8)
+        lines.append(("continuous", f"cost {r.continuous.cost:.8g}   bound {bound}   {gap}"))
     lines.append(("parts", f"observation {r.observation_cost:.6g} x {r.cost_weight:g}, running {r.running_cost:.6g}"))
     return lines
-
-
-def rounded_down(bound: float, digits: int) -> str:
-    """A bound in so many digits, never above itself.
-
-    Parameters
-    ----------
-    bound : number
-    digits : significant digits
-    """
-    text = f"{bound:.{digits}g}"
-    if bound and np.isfinite(bound) and float(text) > bound:
-        unit = 10.0 ** (int(np.floor(np.log10(abs(bound)))) - digits + 1)
-        text = f"{float(text) - unit:.{digits}g}"
-    return text
 
 
 def _for_whom(problem: PeriodicProblem) -> str:

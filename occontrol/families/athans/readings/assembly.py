@@ -8,6 +8,7 @@ import numpy as np
 
 from occontrol.core.kinds import PlainDict
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import ALLOWANCE, Certificate, Solution, Status, make_solution
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.readings.fill import Filled, feasible_set
@@ -88,7 +89,7 @@ def assemble(
         status = Status.CERTIFIED if certificate.relative_gap <= found.target else Status.FEASIBLE
     status, message = checked(proof, plain, plain.cost, status, found.message)
     if status is not Status.DISAGREES:
-        text = f"No schedule of these readings costs less than {certificate.lower_bound:.6g}."
+        text = f"No schedule of these readings costs less than {rounded_down(certificate.lower_bound, 6)}."
         usual = status in (Status.CERTIFIED, Status.FEASIBLE)
         message = message or (text if usual else f"{status.text} {text}")
         message += remark_on(found, certificate) + proof.remark(found.target)

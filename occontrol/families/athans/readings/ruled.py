@@ -14,6 +14,7 @@ from occontrol.core.claims import Claims, false_claims
 from occontrol.core.errors import InfeasibleError, Mistake, ProblemError, SolveFailed
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.certify import parts_of
 from occontrol.families.athans.found import relax
@@ -170,7 +171,7 @@ def _assembled(
 
 
 def _message(bound: float, proven: bool, found: Outcome, name: str) -> str:
-    text = f"No schedule of these readings that keeps the rules costs less than {bound:.6g}."
+    text = f"No schedule of these readings that keeps the rules costs less than {rounded_down(bound, 6)}."
     if proven:
         return text + " The schedule is proven optimal among them."
     if found.plan is None:

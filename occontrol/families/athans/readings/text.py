@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core.errors import Mistake, plural
+from occontrol.core.printed import rounded_down
 from occontrol.core.sensor import IDLE
 from occontrol.core.solution import Solution, gap_words
 from occontrol.families.athans.readings.problem import ReadingsProblem
@@ -80,7 +81,7 @@ def summarise(problem: ReadingsProblem, solution: Solution) -> list[tuple[str, s
         ("cost", f"{r.cost:.8g}"),
         (
             "lower bound",
-            f"{r.lower_bound:.8g}   {gap_words(r.relative_gap, problem.logarithmic)}, "
+            f"{rounded_down(r.lower_bound, 8)}   {gap_words(r.relative_gap, problem.logarithmic)}, "
             "for every schedule of these readings",
         ),
     ]
@@ -88,7 +89,7 @@ def summarise(problem: ReadingsProblem, solution: Solution) -> list[tuple[str, s
         lines.append(("criterion", f"{r.criterion:.8g}, {problem.criterion.text}"))
     lines += equivalence(r)
     if r.relaxed_lower_bound < r.lower_bound:
-        lines.append(("relaxed bound", f"{r.relaxed_lower_bound:.8g}, which may split readings"))
+        lines.append(("relaxed bound", f"{rounded_down(r.relaxed_lower_bound, 8)}, which may split readings"))
     if r.constraints is not None:
         proven = "proven optimal" if r.proven_optimal else "not proven optimal"
         kept = f"rules kept, used up: {', '.join(r.constraints['active']) or 'none'}"

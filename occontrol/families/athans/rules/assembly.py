@@ -6,6 +6,7 @@ import numpy as np
 
 from occontrol.core.errors import SolveFailed
 from occontrol.core.monitor import Monitor
+from occontrol.core.printed import rounded_down
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
 from occontrol.families.athans.certificate import Judgement, judge
@@ -184,7 +185,7 @@ def _top(integrator: Integrator, found: Outcome, certificate: Certificate) -> To
 
 def _message(top: TopNumbers, proven: bool, found: Outcome, ruled: bool, name: str) -> str:
     which = "that keeps the rules and changes at these edges" if ruled else "that changes at these edges"
-    text = f"No schedule {which} costs less than {top.lower_bound:.6g}."
+    text = f"No schedule {which} costs less than {rounded_down(top.lower_bound, 6)}."
     if proven:
         return text + " The schedule is proven optimal among them."
     if found.plan is None:

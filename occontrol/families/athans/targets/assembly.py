@@ -8,6 +8,7 @@ import numpy as np
 
 from occontrol.core.errors import SolveFailed
 from occontrol.core.look_schedule import LookSchedule
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import ALLOWANCE, Certificate, Solution, Status, make_solution
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers, TopNumbers
 from occontrol.families.athans.targets.fill import Filled
@@ -190,7 +191,7 @@ def _prices(problem: TargetsProblem, filled: Filled, gradient: np.ndarray) -> np
 
 
 def _message(problem: TargetsProblem, status: Status, certificate: Certificate, error: float, gap: float) -> str:
-    text = f"No schedule that changes at these edges costs less than {certificate.lower_bound:.6g}."
+    text = f"No schedule that changes at these edges costs less than {rounded_down(certificate.lower_bound, 6)}."
     if status not in (Status.CERTIFIED, Status.FEASIBLE):
         text = f"{status.text} {text}"
     accuracy = problem.integration.target(gap)

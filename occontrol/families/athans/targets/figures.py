@@ -10,6 +10,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
 from occontrol.core.look_schedule import LookSchedule
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.families.athans.targets.paths import ages, charged
 from occontrol.families.athans.targets.problem import TargetsProblem
@@ -34,7 +35,8 @@ def draw(problem: TargetsProblem, solution: Solution) -> dict[str, Figure]:
     with style.house_style():
         top = solution.numbers.top
         apart = f"gap {100 * top.relative_gap:.3g} %" if top is not None else ""
-        text = f"cost {solution.cost:.6g}, no schedule below {top.lower_bound:.6g}, {apart}" if top is not None else ""
+        bound = rounded_down(top.lower_bound if top is not None else None, 6)
+        text = f"cost {solution.cost:.6g}, no schedule below {bound}, {apart}" if top is not None else ""
         overview = style.new_figure((13.33, 10.0), problem.name, f"{_sizes(problem)}: {text}")
         grid = overview.add_gridspec(3, 2, height_ratios=[1.7, 1, 1])
         _timeline(overview.add_subplot(grid[0, :]), problem, schedule)
@@ -70,7 +72,7 @@ def draw_compare(problem: TargetsProblem, solutions: Mapping[str, Solution]) -> 
             beside = "shares of looks" if split else f"{apart:.3g} % above the bound"
             axes.text(cost, place, f" {cost:.6g}  ({beside})", va="center", fontsize=10)
         axes.axvline(best, color=style.SECOND, linewidth=1.5)
-        axes.set_title(f"cost (line: no schedule costs less than {best:.6g})")
+        axes.set_title(f"cost (line: no schedule costs less than {rounded_down(best, 6)})")
         axes.set_yticks(places, list(solutions))
         axes.set_xlim(0, float(np.max(costs)) * 1.35 if np.max(costs) > 0 else None)
         axes.tick_params(axis="y", length=0)

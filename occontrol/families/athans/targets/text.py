@@ -6,6 +6,7 @@ import numpy as np
 
 from occontrol.core.errors import Mistake, plural
 from occontrol.core.look_schedule import LookSchedule
+from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.families.athans.result import AthansResult
 from occontrol.families.athans.targets.problem import TargetsProblem
@@ -67,11 +68,13 @@ def summarise(problem: TargetsProblem, solution: Solution) -> list[tuple[str, st
         ("cost", f"{r.cost:.8g}"),
         (
             "lower bound",
-            f"{r.lower_bound:.8g}   gap {100 * r.relative_gap:.3g} %, for schedules that change at these edges",
+            f"{rounded_down(r.lower_bound, 8)}   gap {100 * r.relative_gap:.3g} %, "
+            "for schedules that change at these edges",
         ),
     ]
     if r.bounds is not None and r.bounds.get("integer") is not None:
-        lines.append(("bounds", f"relaxed {r.bounds['relaxed']:.8g}, of whole looks {r.bounds['integer']:.8g}"))
+        relaxed, integer = (rounded_down(r.bounds[key], 8) for key in ("relaxed", "integer"))
+        lines.append(("bounds", f"relaxed {relaxed}, of whole looks {integer}"))
     observed = f"observation {r.observation_cost:.6g} x {r.cost_weight:g}"
     lines.append(("parts", f"{observed}, running {r.running_cost:.6g}, prediction {r.prediction_error:.6g}"))
     if r.continuous is not None:
