@@ -11,6 +11,7 @@ from occontrol.cli.export import RunFolder
 from occontrol.cli.output import number, percent, print_json, print_pairs, print_table
 from occontrol.cli.solve import JsonFlag
 from occontrol.core.kinds import PlainDict
+from occontrol.core.printed import rounded_down
 
 
 def sensitivity(
@@ -74,7 +75,7 @@ def _print(content: PlainDict) -> None:
         print_pairs([("windows", f"{other} further end{'s' * (other > 1)} could move without changing the optimum")])
     more = content["select"].get("one_more")
     if more is not None:
-        print_pairs([("one more place", f"no schedule would cost less than {number(more)}")])
+        print_pairs([("one more place", f"no schedule at these edges would cost less than {rounded_down(more, 8)}")])
     for name, changes in content.get("changes", {}).items():
         print_pairs([(f"{name}: {what}", f"{low:+.6g} to {high:+.6g}") for what, (low, high) in changes.items()])
 

@@ -25,7 +25,7 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.result import ResultData
 from occontrol.core.scaled_signal import scaled
 from occontrol.core.sensor import Sensor
-from occontrol.core.solution import Solution, Status
+from occontrol.core.solution import Certificate, Solution, Status
 from occontrol.families.athans.balanced import balanced
 from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.integration.folded import Folded
@@ -34,7 +34,8 @@ from occontrol.families.athans.integration.local_error import node_matrices
 from occontrol.families.athans.integration.relaxed import relax
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.window_ends import window_ends
-from occontrol.scheduling.relaxation import RelaxedOptions, RelaxedOutcome
+from occontrol.scheduling.proof import Proof, prove
+from occontrol.scheduling.relaxation import RelaxedOptions
 
 GAP = 1e-8  # of the relaxation whose policy is differentiated
 MOST_STEPS = 3000
@@ -53,7 +54,7 @@ class Sensitivities(ResultData):
         horizon, dJ/dq, dJ/dln of a factor on the noise, dJ/dTheta, by how much the price must fall until an unused
         sensor is used, dJ/dp of a further row that reads one state with precision p
     windows : [{sensor, t, end: start | end, longer, shorter}]: dJ/dt of moving an end of a window outwards and inwards
-    select : {value, one_more}: the places, and what no schedule with one more place undercuts
+    select : {value, one_more}: the places, and what no schedule with one more place undercuts at these edges
     changes : certified intervals of J* where a price or a noise changes, {sensor: {what: [low, high]}}; empty where
         they were not asked for
     """
@@ -148,6 +149,7 @@ def sensitivity(
     if found.status is Status.INTERRUPTED:
         raise UsageError("interrupted before the relaxation was done")
     at = integrator.evaluate(found.weights)
+    proof = _proven(integrator, at, found.lower_bound)
     use = Use(problem.steps, problem.upper, at.weights, at.gradient, _prices(integrator, at))
     moments = [units.inverse.covariance(M) for M in _moments(integrator, at)]
     sensors = {
@@ -157,20 +159,27 @@ def sensitivity(
     }
     return Sensitivities(
         name=problem.name,
-        cost=at.cost,
-        lower_bound=min(found.lower_bound, at.cost),
+        cost=proof.certificate.cost,
+        lower_bound=proof.certificate.lower_bound,
         sensors=sensors,
         windows=window_ends(inner, integrator, at),
-        select={"value": inner.select, "one_more": _one_more(inner, at)},
-        changes={} if change is None else _changes(inner, found, change, monitor),
+        select={"value": inner.select, "one_more": _one_more(inner, at, proof.allowance)},
+        changes={} if change is None else _changes(inner, proof.certificate, at.weights, change, monitor),
     )
 
 
-def _changes(problem: SchedulingProblem, at: RelaxedOutcome, change: float, monitor: Monitor) -> PlainDict:
+def _proven(integrator: Integrator, at: Evaluation, bound: float) -> Proof:
+    """Cost and lower bound of a relaxed optimum in square-root form, as those of a solve are proven."""
+    return prove([at.judged(integrator.recursion)], feasible_set(integrator.problem), bound)
+
+
+def _changes(
+    problem: SchedulingProblem, at: Certificate, weights: np.ndarray, change: float, monitor: Monitor
+) -> PlainDict:
     """[low, high] of the change of J* for each sensor in use, from bounds on both sides of the same edges."""
     found: PlainDict = {}
     for j, sensor in enumerate(problem.sensors):
-        if not sensor.rows or not np.any(at.weights[:, j] > USED):
+        if not sensor.rows or not np.any(weights[:, j] > USED):
             continue
         one = np.ones(sensor.rows)
         found[sensor.name] = {}
@@ -180,9 +189,9 @@ def _changes(problem: SchedulingProblem, at: RelaxedOutcome, change: float, moni
             noisier = replace(sensor, noise=scaled(sensor.noise, root, root))
             for what, other in (("price", cheaper), ("noise", noisier)):
                 monitor.stage = f"{what} of {sensor.name} {word}"
-                changed = with_sensor(problem, j, other)
-                limits = RelaxedOptions(GAP, MOST_STEPS)
-                again = relax(Integrator(changed, GAP), limits, monitor, at.weights).outcome
+                integrator = Integrator(with_sensor(problem, j, other), GAP)
+                found_now = relax(integrator, RelaxedOptions(GAP, MOST_STEPS), monitor, weights).outcome
+                again = _proven(integrator, integrator.evaluate(found_now.weights), found_now.lower_bound).certificate
                 low, high = again.lower_bound - at.cost, again.cost - at.lower_bound
                 found[sensor.name][f"{what} {word}"] = [low, high]
     return found
@@ -241,12 +250,16 @@ def _moments(integrator: Integrator, at: Evaluation) -> np.ndarray:
     return total
 
 
-def _one_more(problem: SchedulingProblem, at: Evaluation) -> float | None:
-    """What no schedule with one more place undercuts; None where there are no sensors for one."""
+def _one_more(problem: SchedulingProblem, at: Evaluation, allowance: float) -> float | None:
+    """What no schedule with one more place undercuts at these edges; None where there are no sensors for one.
+
+    `allowance` is what rounding may have moved the cost; the tangent's own sums are lowered by their last digits.
+    """
     more = problem.select + 1
     upper = np.where(problem.upper > 0, np.maximum(problem.upper, [s.rows == 0 and more for s in problem.sensors]), 0.0)
     if np.any(np.sum(upper, axis=1) < more):
         return None
     wider = replace(feasible_set(problem), select=more, upper=upper)
-    least = np.sum(at.gradient * wider.vertex(at.gradient), axis=1) - np.sum(at.gradient * at.weights, axis=1)
-    return at.cost + float(np.sum(least))
+    change = at.gradient * (wider.vertex(at.gradient) - at.weights)
+    digits = change.size * np.finfo(float).eps * float(np.sum(np.abs(at.gradient) * wider.upper))
+    return at.cost + float(np.sum(change)) - at.error - allowance - digits

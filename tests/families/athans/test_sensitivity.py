@@ -191,7 +191,7 @@ def test_the_command_prints_a_table_and_writes_json_and_picture(tmp_path: Path, 
     capsys.readouterr()
     assert run(["sensitivity", "runs/two_radars"]) == 0
     text = capsys.readouterr().out
-    assert "per 1 % more noise" in text and "one more place  no schedule would cost less than" in text
+    assert "per 1 % more noise" in text and "one more place  no schedule at these edges would cost less than" in text
     folder = tmp_path / "runs" / "two_radars-sensitivity"
     assert sorted(p.name for p in folder.iterdir()) == ["sensitivity.json", "sensitivity.png"]
     written = json.loads((folder / "sensitivity.json").read_text())

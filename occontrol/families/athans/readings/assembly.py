@@ -76,9 +76,9 @@ def assemble(
     """
     v, relaxed, constant = found.weights, found.relaxed, filled.constant
     sweep = Sweep(filled.recursion)
-    policies = [_judged(sweep, v)]
+    policies = [judged_policy(sweep, v)]
     if relaxed is not None and relaxed.weights is not v:
-        policies.append(_judged(sweep, relaxed.weights))
+        policies.append(judged_policy(sweep, relaxed.weights))
     known = max(found.bound, relaxed.lower_bound if relaxed is not None else -np.inf)
     proof = raised(prove(policies, feasible_set(problem), known), constant)
     certificate = proof.certificate
@@ -251,7 +251,14 @@ def reading_prices(problem: ReadingsProblem) -> np.ndarray:
     return np.column_stack([s.cost.sample(problem.clock.times)[:, 0, 0] for s in problem.sensors])
 
 
-def _judged(sweep: Sweep, weights: np.ndarray) -> Judged:
+def judged_policy(sweep: Sweep, weights: np.ndarray) -> Judged:
+    """A policy with cost and gradient by the sweeps, for `prove`.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    weights : (N, M) policy
+    """
     J, g = sweep.cost_and_gradient(weights)
     return Judged(weights, J, g, [Term(1.0, sweep.recursion)])
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from occontrol.core.errors import UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution
+from occontrol.families.athans.readings.assembly import judged_policy, raised
 from occontrol.families.athans.readings.fill import feasible_set, fill
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.sensitivity import GAP, MOST_STEPS, Sensitivities, Use
 from occontrol.scheduling.budget import BudgetSet
+from occontrol.scheduling.proof import prove
 from occontrol.scheduling.relaxation import RelaxedOptions, minimise_relaxed
 from occontrol.scheduling.sweep import Sweep
 
@@ -35,13 +37,13 @@ def sensitivity(problem: ReadingsProblem, solution: Solution | None, monitor: Mo
         start = None
     monitor.stage = "relaxation"
     found = minimise_relaxed(sweep, allowed, start, RelaxedOptions(GAP, MOST_STEPS), monitor)
-    cost, gradient = sweep.cost_and_gradient(found.weights)
-    r = filled.recursion
-    use = Use(r.lengths, allowed.upper, found.weights, gradient, r.decision_cost)
+    at, r = judged_policy(sweep, found.weights), filled.recursion
+    use = Use(r.lengths, allowed.upper, found.weights, at.gradient, r.decision_cost)
+    top = raised(prove([at], allowed, found.lower_bound), filled.constant).certificate
     return Sensitivities(
         name=problem.name,
-        cost=cost + filled.constant,
-        lower_bound=min(found.lower_bound, cost) + filled.constant,
+        cost=top.cost,
+        lower_bound=top.lower_bound,
         sensors={s.name: use.of(j, problem.cost_weight) for j, s in enumerate(problem.sensors) if s.rows},
         windows=[],
         select={"value": allowed.select, "one_more": None},
