@@ -79,12 +79,15 @@ def _campaign(home: Path, options: argparse.Namespace, rng: random.Random) -> st
     code = _start(shaken.path, "local", 2).wait()
     torn += _torn(shaken)
     _, entries = shaken.read()
-    lost = sum(not shaken.done(e.identity) for e in entries)
-    different = sum(_arrays(shaken, e.identity) != _arrays(quiet, e.identity) for e in entries)
+    lost = [e.identity for e in entries if not shaken.done(e.identity)]
+    for identity in lost:
+        print(f"lost: {identity}: {shaken.failures(identity) or 'never tried'}")
+    kept = [e.identity for e in entries if e.identity not in lost]
+    different = sum(_arrays(shaken, identity) != _arrays(quiet, identity) for identity in kept)
     left = [p.name for p in (shaken.path / "results").iterdir() if p.name.startswith(".")]
     same = (shaken.path / "table.csv").read_bytes() == (quiet.path / "table.csv").read_bytes()
     if torn or lost or different or left or code or not same:
-        print(f"FAILED: torn {torn}, lost {lost}, different {different}, left over {left}, code {code}, table {same}")
+        print(f"FAILED: torn {torn}, lost {len(lost)}, different {different}, left over {left}, code {code}, table {same}")
         sys.exit(1)
     return (
         f"{options.engine}: {sum(killed.values())} kills {killed}; {len(entries)} tasks: 0 torn, 0 lost, 0 different; "
