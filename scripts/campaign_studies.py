@@ -87,7 +87,7 @@ def _campaign(home: Path, options: argparse.Namespace, rng: random.Random) -> st
     left = [p.name for p in (shaken.path / "results").iterdir() if p.name.startswith(".")]
     same = (shaken.path / "table.csv").read_bytes() == (quiet.path / "table.csv").read_bytes()
     if torn or lost or different or left or code or not same:
-        print(f"FAILED: torn {torn}, lost {len(lost)}, different {different}, left over {left}, code {code}, table {same}")
+        print(f"FAILED: torn {torn}, lost {len(lost)}, different {different}, left {left}, code {code}, table {same}")
         sys.exit(1)
     return (
         f"{options.engine}: {sum(killed.values())} kills {killed}; {len(entries)} tasks: 0 torn, 0 lost, 0 different; "

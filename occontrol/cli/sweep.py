@@ -88,12 +88,13 @@ def work(
 
     announce(f"working at part {part} of {study}")
     from occontrol.studies.engines.local import run_here
+    from occontrol.studies.queue import part_of
 
     index, parts = _part(part)
     folder, entries = _known(study, out)
     content, _ = folder.read()
     timeout = content.get("task_timeout")
-    own = entries[index::parts]
+    own = part_of(entries, index, parts)
     folder.sweep_the_dead()
     with watched() as monitor:
         tell = _Teller()

@@ -39,11 +39,13 @@ class Entry:
     identity : which task it is
     point : {path: value}
     seed : or None
+    start : identity of the task whose result it begins at, or None
     """
 
     identity: str
     point: PlainMapping
     seed: int | None
+    start: str | None = None
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class StudyFolder:
             "vary": {path: list(values) for path, values in study.axes.items()},
             "seeds": list(study.seeds),
             "task_timeout": study.task_timeout,
-            "tasks": [{"id": t.identity, "point": t.point, "seed": t.seed} for t in tasks],
+            "tasks": [_listed(task) for task in tasks],
         }
         write_text(record, to_json(content))
 
@@ -216,16 +218,32 @@ class StudyFolder:
         ----------
         entries : of the study
         """
-        return [e for e in entries if not self.done(e.identity) and len(self.failures(e.identity)) < MOST_TRIES]
+        return [entry for entry in entries if not self.settled(entry.identity)]
+
+    def settled(self, identity: str) -> bool:
+        """Whether a task has its result, or has failed for good.
+
+        Parameters
+        ----------
+        identity : of the task
+        """
+        return self.done(identity) or len(self.failures(identity)) >= MOST_TRIES
 
 
 def _entry(item: Plain) -> Entry | None:
     if not isinstance(item, dict) or not _IDENTITY.fullmatch(str(item.get("id"))):
         return None
-    point, seed = item.get("point"), item.get("seed")
+    point, seed, start = item.get("point"), item.get("seed"), item.get("start")
     if not isinstance(point, dict) or not (seed is None or isinstance(seed, int)):
         return None
-    return Entry(item["id"], point, seed)
+    if not (start is None or _IDENTITY.fullmatch(str(start))):
+        return None
+    return Entry(item["id"], point, seed, start)
+
+
+def _listed(task: Task) -> PlainDict:
+    listed: PlainDict = {"id": task.identity, "point": task.point, "seed": task.seed}
+    return listed if task.start is None else {**listed, "start": task.start}
 
 
 def _make(folder: Path) -> None:

@@ -6,6 +6,7 @@
       objective.cost_weight: {from: 0.001, to: 10, points: 8, scale: log}
     combine: product          # zip: the values side by side; list: the values of `vary` are whole points
     seeds: [1, 2, 3]
+    warm_start: objective.cost_weight     # each point begins at its neighbour's result along this axis
 """
 
 from __future__ import annotations
@@ -65,6 +66,7 @@ class StudyDocument(Strict):
     combine: Literal["product", "zip", "list"] = "product"
     seeds: list[Whole] = Field(default_factory=list, description="seeds: [1, 2, 3]")
     task_timeout: float | None = Field(default=None, gt=0, description="task_timeout: 600, in seconds")
+    warm_start: str | None = Field(default=None, description="warm_start: objective.cost_weight, a path of vary")
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ class Study:
     points : one mapping {path: value} a point of the study, in order
     seeds : of the random numbers; empty where none is asked for
     task_timeout : seconds after which a task is ended, or None
+    warm_start : the axis along which a task begins at the result of the one before, or None
     text : the study file with its places
     """
 
@@ -88,6 +91,7 @@ class Study:
     points: tuple[PlainDict, ...]
     seeds: tuple[int, ...] = ()
     task_timeout: float | None = None
+    warm_start: str | None = None
     text: Text | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -123,11 +127,14 @@ def read_study(path: str | Path) -> Study:
     try:
         document = validate(StudyDocument, text.data, found, set())
         axes, points = _points(document, found)
+        if document.warm_start is not None and document.warm_start not in axes and not found.mistakes:
+            found.add(("warm_start",), f"{document.warm_start} does not vary", f"one of {', '.join(axes) or 'vary'}")
         found.raise_if_any()
     except ProblemError as error:
         raise text.placed(error.mistakes) from None
     timeout = None if document.task_timeout is None else float(document.task_timeout)
-    return Study(path, path.parent / document.base, axes, tuple(points), tuple(document.seeds), timeout, text)
+    base, seeds = path.parent / document.base, tuple(document.seeds)
+    return Study(path, base, axes, tuple(points), seeds, timeout, document.warm_start, text)
 
 
 def _points(document: StudyDocument, found: Collector) -> tuple[dict[str, tuple[Plain, ...]], list[PlainDict]]:

@@ -36,12 +36,14 @@ class Task:
     point : {path as the study writes it: value}
     seed : of the random numbers, or None
     document : the whole problem, tables embedded
+    start : identity of the task whose result it begins at, or None
     """
 
     identity: str
     point: PlainMapping
     seed: int | None
     document: PlainDict
+    start: str | None = None
 
 
 def plan(study: Study) -> list[Task]:
@@ -60,9 +62,12 @@ def plan(study: Study) -> list[Task]:
     known = sorted({key for model in documents_of(loaded.schema) for key in model.model_fields})
     places = {path: _resolved(loaded.text.data, path, known, found) for path in study.axes}
     seeded = _seed_paths(loaded, study, found)
+    if study.warm_start is not None and (why := find_family(loaded.family).begins_anew):
+        found.append(Mistake(("warm_start",), f"family {loaded.family} always begins anew: {why}", "leave it out"))
     if found:
         raise _placed(study, found)
     tasks: dict[str, Task] = {}
+    before: dict[str, str] = {}  # the last task of every row along the axis of warm starts
     for number, point in enumerate(study.points):
         for seed in study.seeds or (None,):
             values = [(places[path], value) for path, value in point.items()]
@@ -70,9 +75,12 @@ def plan(study: Study) -> list[Task]:
             document = _built(study, loaded, values, point, number, found)
             if document is None:
                 break
-            identity = digest(document)
+            row = _row(study, point, seed)
+            start = before.get(row) if row else None
+            identity = digest(document, start)
             if identity not in tasks:
-                tasks[identity] = Task(identity, dict(point), seed, document)
+                tasks[identity] = Task(identity, dict(point), seed, document, start)
+                before[row] = identity
             else:
                 found.append(Mistake(_where(study, point, number), f"{_said(point)} is the same problem as another"))
         if len(found) > 20:
@@ -97,15 +105,24 @@ def require_readable(loaded: LoadedDocument) -> None:
     loaded.build(_method_check(loaded))
 
 
-def digest(document: PlainMapping) -> str:
+def _row(study: Study, point: PlainMapping, seed: int | None) -> str:
+    """What the points of one row along the axis of warm starts have in common; empty where nothing starts warm."""
+    if study.warm_start is None:
+        return ""
+    return json.dumps([{path: plain(v) for path, v in point.items() if path != study.warm_start}, seed], sort_keys=True)
+
+
+def digest(document: PlainMapping, start: str | None = None) -> str:
     """16 hexadecimal digits of what a problem asks, its method and this program's version; its name does not count.
 
     Parameters
     ----------
     document : the problem with all tables embedded
+    start : identity of the task whose result it begins at: the last digits of a result depend on that
     """
     asked = {key: value for key, value in document.items() if key not in _NOT_ASKED}
-    text = json.dumps([versions()["occontrol"], plain(asked)], sort_keys=True, separators=(",", ":"), allow_nan=False)
+    parts = [versions()["occontrol"], plain(asked)] + ([start] if start else [])
+    text = json.dumps(parts, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:16]
 
 

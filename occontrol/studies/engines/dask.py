@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from occontrol.core.errors import SolveFailed, UsageError
 from occontrol.studies.engines.local import Progress
 from occontrol.studies.folder import MOST_TRIES, Entry, StudyFolder
+from occontrol.studies.queue import TaskQueue
 from occontrol.studies.run_task import run_task
 
 if TYPE_CHECKING:
@@ -104,12 +105,14 @@ def _drive(
 ) -> None:
     import distributed
 
-    def submit(entry: Entry) -> None:
-        running[client.submit(run_task, str(folder.path.resolve()), entry.identity, pure=False)] = entry
+    def submit_what_can_begin() -> None:
+        while (entry := queue.take()) is not None:
+            words = (str(folder.path.resolve()), entry.identity, entry.start)
+            running[client.submit(run_task, *words, pure=False)] = entry
 
     running: dict[Future, Entry] = {}
-    for entry in todo:
-        submit(entry)
+    queue = TaskQueue(folder, todo)
+    submit_what_can_begin()
     while running and not stopped():
         try:
             ended = distributed.wait(list(running), timeout=PAUSE, return_when="FIRST_COMPLETED").done
@@ -127,8 +130,9 @@ def _drive(
                 folder.forget_failures(entry.identity)
                 progress.done += 1
             elif folder.failed(entry.identity, message) < MOST_TRIES:
-                submit(entry)
+                queue.again(entry)
             else:
                 progress.failed += 1
+            submit_what_can_begin()
         progress.running = len(running)
         tell(progress)

@@ -10,7 +10,6 @@ import os
 import signal
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -18,6 +17,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
 from occontrol.studies.folder import MOST_TRIES, Entry, StudyFolder
+from occontrol.studies.queue import TaskQueue
 from occontrol.studies.run_task import run_task
 
 MOST_STILLBORN = 20  # workers of one run that may die while they load, before a task pays for it
@@ -84,7 +84,7 @@ def run_here(
 
     Returns how far it came. A task that fails, or whose worker dies, is tried at most three times over all runs.
     """
-    queue = deque(folder.missing(entries))
+    queue = TaskQueue(folder, folder.missing(entries))
     progress = Progress(len(entries), sum(folder.done(e.identity) for e in entries))
     progress.failed = len(entries) - progress.done - len(queue)
     tell(progress)
@@ -93,9 +93,10 @@ def run_here(
         running: dict[Future[str], int] = {}
         while (queue or running) and not stopped():
             for number, place in enumerate(places):
-                if place.entry is None and queue:
-                    place.entry, place.began, place.overdue = queue.popleft(), time.monotonic(), False
-                    running[place.pool.submit(run_task, str(folder.path), place.entry.identity)] = number
+                if place.entry is None and (entry := queue.take()) is not None:
+                    place.entry, place.began, place.overdue = entry, time.monotonic(), False
+                    future = place.pool.submit(run_task, str(folder.path), entry.identity, entry.start)
+                    running[future] = number
             progress.running = len(running)
             ended, _ = wait(running, timeout=PAUSE, return_when=FIRST_COMPLETED)
             for future in ended:
@@ -104,11 +105,11 @@ def run_here(
                 entry, place.entry = place.entry, None
                 if entry is not None and not place.loaded and stillborn < MOST_STILLBORN:
                     stillborn += 1  # it died before it was at the task
-                    queue.appendleft(entry)
+                    queue.again(entry, first=True)
                 elif entry is not None and (message := _outcome(future, place, timeout)):
                     tries = folder.failed(entry.identity, message)
                     if tries < MOST_TRIES:
-                        queue.append(entry)
+                        queue.again(entry)
                     else:
                         progress.failed += 1
                 elif entry is not None:
