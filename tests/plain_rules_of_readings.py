@@ -106,6 +106,8 @@ class PlainRules:
             return False
         if self.error.cost(chosen) > limits.get("max_error", np.inf) * (1 + 1e-9):
             return False
+        if "limit" in self.d["objective"].get("criterion", {}) and np.isinf(self.plain.cost(chosen)):
+            return False
         return all(self._own(j, s, chosen) for j, s in enumerate(self.plain.sensors))
 
     def _own(self, j: int, sensor: dict, chosen: list[tuple[int, ...]]) -> bool:

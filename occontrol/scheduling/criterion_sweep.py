@@ -64,6 +64,10 @@ class CriterionObjective(SmoothableObjective, Protocol):
         """The policy `weights` (N, M) with its tangent as a problem of traces, for `proof.prove`."""
         ...
 
+    def on(self, columns: Recursion) -> Self:
+        """The same on a recursion that differs in its `columns` alone: prices, rows of sensors, availability."""
+        ...
+
 
 class CriterionSweep(Sweep):
     """A Sweep with a criterion of the last covariance; a CriterionObjective.
@@ -98,6 +102,10 @@ class CriterionSweep(Sweep):
         if not self.corners:
             return self
         return CriterionSweep(self.recursion, cast(CorneredCriterion, self.criterion).smoothed(smoothing))
+
+    def on(self, columns: Recursion) -> CriterionSweep:
+        """The same on a recursion that differs in its `columns` alone."""
+        return CriterionSweep(columns, self.criterion)
 
     def tangent(self, weights: np.ndarray) -> Judged:
         """The policy `weights` (N, M) with its tangent as a problem of traces."""

@@ -150,6 +150,15 @@ class PeakSweep(Sweep):
         """The same with the `limit` e of the peak, kept by the `penalty` rho."""
         return PeakSweep(self._given, self.watched, self.smoothing, limit, penalty)
 
+    @property
+    def given(self) -> Recursion:
+        """The recursion as it was given, with its own running weight."""
+        return self._given
+
+    def on(self, columns: Recursion) -> PeakSweep:
+        """The same on a recursion that differs from the given one in its `columns` alone."""
+        return PeakSweep(columns, self.watched, self.smoothing, self.limit, self.penalty)
+
     def tangent(self, weights: np.ndarray) -> Judged:
         """The policy `weights` (N, M) with its tangent as a problem of traces."""
         J, g = self.cost_and_gradient(weights)

@@ -15,7 +15,6 @@ from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.assembly import assemble
 from occontrol.families.athans.balanced import balanced, restored
 from occontrol.families.athans.criteria.rate import judge_rate
-from occontrol.families.athans.criteria.statement import refuse_rules
 from occontrol.families.athans.discretise import feasible_set
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.integration.refine import relax_and_refine
@@ -39,11 +38,16 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     Raises ProblemError, in the words of the reader of schedule files, when the schedule does not cover the horizon,
     breaks a window, names an unknown sensor or does not use `select` sensors at a time.
     """
+    if problem.measured and problem.ruled:
+        from occontrol.families.athans.criteria.ruled_rate import judge_ruled_rate
+
+        problem, weights = on_common_grid(problem, as_read(schedule, problem))
+        solution, known = judge_ruled_rate(problem, weights)
+        return _refuted(solution, claims, known)
     if problem.ruled or (claims is not None and claims.whole):  # a bound of whole schedules is the tree's
         from occontrol.families.athans.rules.certify import certify_ruled
 
         return certify_ruled(problem, schedule, claims)
-    refuse_rules(problem)
     started = stopwatch.seconds()
     monitor = Monitor()
     problem, weights = on_common_grid(problem, as_read(schedule, problem))

@@ -62,10 +62,12 @@ class RateFamily(Family):
         from occontrol.families.athans.integration.refine import search_space
 
         if problem.measured:
-            from occontrol.families.athans.criteria.rate import solve_rate
-            from occontrol.families.athans.criteria.statement import refuse_rules
+            if problem.ruled:
+                from occontrol.families.athans.criteria.ruled_rate import solve_ruled_rate
 
-            refuse_rules(problem)
+                return solve_ruled_rate(problem, method, monitor)
+            from occontrol.families.athans.criteria.rate import solve_rate
+
             return solve_rate(problem, method, monitor)
         if problem.ruled or getattr(method, "exact_options", None) is not None or getattr(method, "off_grid", False):
             from occontrol.families.athans.rules.solve import solve_ruled

@@ -129,8 +129,10 @@ def _polished(task: Task, found: Priced, factor: float, allowed: FeasibleSet, mo
     """The best rounding (N, C) of the mixture, polished with the cap at `factor` times its price."""
     problem = priced(task, found.cap, factor * found.best.price)
     r, share = problem.sweep.recursion, problem.goal.error
+    if problem.model is not None:
+        return min(roundings(found.mixture, allowed), key=problem.model.true_cost)
     # F over the factor of the error is the cost of a recursion, for which exchanges are foreseen exactly
-    sweep = Sweep(replace(r, cost=r.cost / share)) if share > 0 else problem.sweep
+    sweep = Sweep(replace(r, cost=r.cost / share)) if share > 0 else Sweep(r)
     start = min(roundings(found.mixture, allowed), key=sweep.cost)
     return start if r.owner is not None else polish(sweep, allowed, start, POLISHED, monitor).weights
 
@@ -148,7 +150,7 @@ class _Exchanges:
         """F and use of a schedule (N, C)."""
         self.spent += 1
         goal = self.task.goal
-        linear, error = self.task.parts(weights)
+        linear, error = self.task.true_parts(weights)
         used = float(np.vdot(self.spend, weights)) if self.cap == "max_observation" else error
         return _At(weights, goal.observation * linear + goal.error * error, used)
 

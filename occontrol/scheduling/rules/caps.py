@@ -64,7 +64,8 @@ def priced(task: Task, cap: str, price: float) -> Task:
         extra[r.first_steps] = price * spend_of_columns(task)
         cost = cost + extra
     factor = goal.error + (price if cap == "max_error" else 0.0)
-    sweep = Sweep(replace(r, cost=np.ascontiguousarray(cost)))
+    cost = np.ascontiguousarray(cost)
+    sweep = Sweep(replace(r, cost=cost)) if task.model is None else task.model.with_prices(cost)
     return replace(task, rules=replace(task.rules, **{cap: np.inf}), sweep=sweep, goal=Goal(1.0, factor))
 
 

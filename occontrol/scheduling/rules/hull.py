@@ -146,7 +146,7 @@ def hull(
     if options.known is not None:
         found.proof, found.lower_bound = options.known, options.known[2]
     value, last, idle = options.value, -np.inf, 0
-    scale = max(abs(task.goal.observation * at.linear) + abs(task.goal.error * at.error), 1e-300)
+    scale = max(task.size(abs(task.goal.observation * at.linear) + abs(task.goal.error * at.error)), 1e-300)
     while True:
         found.rounds += 1
         multipliers = multipliers.padded(len(rows.known))
@@ -161,7 +161,7 @@ def hull(
             plans.append(plan)
             keys.add(plan.key)
             seen(plan)
-        scale = max(abs(value), 1e-300) if np.isfinite(value) else scale
+        scale = max(task.size(value), 1e-300) if np.isfinite(value) else scale
         gap, cutoff = value - found.lower_bound, options.cutoff()
         # a mixture below the cutoff cannot be closed by any bound: branching helps more than digits
         enough = max(options.gap * scale, ENOUGH * min(cutoff - value, scale) if np.isfinite(value) else 0.0)

@@ -117,7 +117,7 @@ class Mover:
         if spent > rules.max_observation * (1 + RELATIVE_CAP) or not keeps(rules, task.edges, on):
             return np.inf
         self.evaluations += 1
-        linear, error = task.parts(self.weights(on))
+        linear, error = task.true_parts(self.weights(on))
         if error > rules.max_error * (1 + RELATIVE_CAP):
             return np.inf
         return task.goal.observation * linear + task.goal.error * error + switching_cost(rules, on)

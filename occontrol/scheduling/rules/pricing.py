@@ -126,7 +126,7 @@ class _Search:
         if below.price <= above.price * (1 + NARROW):
             return True
         value = Scaled(self.task).cost(self.mixed(above, below)) if self.plain else np.inf
-        return value - max(at.bound for at in self.known) <= ENOUGH * abs(value)
+        return value - max(at.bound for at in self.known) <= ENOUGH * self.task.size(value)
 
     def next(self, above: AtPrice | None, below: AtPrice | None) -> float:
         """The price to try next."""

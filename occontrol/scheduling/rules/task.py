@@ -7,7 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
+from occontrol.scheduling.certified import Term
+from occontrol.scheduling.proof import Judged
 from occontrol.scheduling.rules.check import RELATIVE, keeps
+from occontrol.scheduling.rules.model import CriterionModel
 from occontrol.scheduling.rules.oracle import Oracle
 from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.rules import Rules
@@ -36,7 +39,8 @@ class Task:
     rules : Rules
     edges : (N+1,) times of the decisions
     oracle : Oracle of the rules
-    sweep : J on the recursion with C columns, sensors measuring and then those that warm up
+    sweep : J on the recursion with C columns, sensors measuring and then those that warm up; of a criterion a convex
+        function that is nowhere above J
     spend : (N, M) what the use of a sensor on an interval adds to the observation cost
     goal : Goal
     """
@@ -44,7 +48,7 @@ class Task:
     rules: Rules
     edges: np.ndarray
     oracle: Oracle
-    sweep: Sweep
+    sweep: Sweep | CriterionModel
     spend: np.ndarray
     goal: Goal
 
@@ -66,10 +70,42 @@ class Task:
         }
         return not any(wanted for name, wanted in open_rules.items() if name not in tracked)
 
+    @property
+    def model(self) -> CriterionModel | None:
+        """What stands for J where its criterion is not the trace."""
+        return self.sweep if isinstance(self.sweep, CriterionModel) else None
+
+    @property
+    def signed(self) -> bool:
+        """Whether F may be negative, so that gaps are differences."""
+        return self.model is not None and self.model.signed
+
+    def size(self, value: float) -> float:
+        """What a gap at F = `value` is a share of."""
+        return 1.0 if self.signed else abs(value)
+
     def parts(self, weights: np.ndarray) -> tuple[float, float]:
-        """sum(cost.v) and E of weights (N, C)."""
+        """sum(cost.v) and E of weights (N, C), as bounds are proven."""
         linear = float(np.vdot(self.price, weights))
         return linear, self.sweep.cost(weights) - linear
+
+    def true_parts(self, weights: np.ndarray) -> tuple[float, float]:
+        """sum(cost.v) and the true E of a schedule's weights (N, C); E is inf where a limit of the peak is exceeded."""
+        if self.model is None:
+            return self.parts(weights)
+        linear = float(np.vdot(self.price, weights))
+        return linear, self.model.true_cost(weights) - linear
+
+    def judged(self, weights: np.ndarray) -> Judged:
+        """A schedule (N, C) with its true J, for a proof."""
+        if self.model is not None:
+            return self.model.judged(weights)
+        J, g = self.sweep.cost_and_gradient(weights)
+        return Judged(weights, J, g, [Term(1.0, self.sweep.recursion)])
+
+    def tangents(self, policy: np.ndarray) -> list[Judged]:
+        """A policy (N, C) with the tangents there that bound J, for a proof."""
+        return [self.judged(policy)] if self.model is None else self.model.tangents(policy)
 
     def value(self, plan: Plan) -> float:
         """F of a plan; inf where it breaks a rule."""
@@ -78,7 +114,7 @@ class Task:
             return np.inf
         if not self.complete and not keeps(self.rules, self.edges, plan.on):
             return np.inf
-        linear, error = self.parts(plan.weights)
+        linear, error = self.true_parts(plan.weights)
         if error > self.rules.max_error * (1 + RELATIVE):
             return np.inf
         return self.goal.observation * linear + self.goal.error * error + plan.switching

@@ -129,7 +129,7 @@ class Search:
         """The bound at which a node is left: relative to the best schedule; without one, what none can cost."""
         if self.best is None:
             return self._most
-        return self.best.value - 0.5 * self.options.gap * abs(self.best.value)
+        return self.best.value - 0.5 * self.options.gap * self.task.size(self.best.value)
 
     def score(self, plan: Plan, improve: bool = True) -> None:
         """Cost a plan, and improve it, if wished, where it is the best, or early and near the best."""
@@ -140,7 +140,7 @@ class Search:
         if not np.isfinite(found.value):
             return
         before = np.inf if self.best is None else self.best.value
-        near = found.value < before + NEAR * abs(before)
+        near = found.value < before + NEAR * self.task.size(before)
         if found.value < before or (near and self._near < EARLY):
             self._near += not found.value < before
             if self.options.moves and improve:
@@ -266,7 +266,8 @@ def _dearest(task: Task) -> float:
     """More than any schedule costs: everything that sensors may cost, nothing measured, and as many changes as fit."""
     N, goal = len(task.spend), task.goal
     change = max(float(np.max(task.rules.switch_cost, initial=0.0)), task.rules.start_cost * task.rules.select)
-    _, error = task.parts(np.zeros(task.oracle.shape))
+    # a limit of the peak is no part of what is paid
+    error = task.parts(np.zeros(task.oracle.shape))[1] if task.model is None else task.model.most()
     dear = np.max(task.price @ task.oracle.automaton.columns.T, axis=1, initial=0.0)
     most = goal.observation * float(np.sum(np.maximum(dear, 0.0))) + goal.error * error + N * change
     return most + 1e-6 * abs(most)

@@ -27,8 +27,10 @@ from occontrol.scheduling.budget import BudgetSet
 from occontrol.scheduling.criterion_sweep import LowerModel
 from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.peak import PeakSweep
+from occontrol.scheduling.proof import Judged
+from occontrol.scheduling.relaxation import RelaxedOutcome
+from occontrol.scheduling.rules.model import KEEPS
 
-KEEPS = 1e-9  # of the limit, by which rounding may exceed it
 GROWTH, ROUNDS = 4.0, 14  # of rho
 ROUGH, ROUGH_STEPS = 1e-2, 150  # gap and steps of the relaxations on the way to it
 SEARCHED, SECONDS = 200_000, 20  # nodes and time for a schedule that keeps the limit
@@ -53,16 +55,16 @@ def hunt_below(
     method = require_method(method, isinstance(allowed, BudgetSet))
     monitor = monitor.child(getattr(method, "time_limit", None))
     monitor.stage = "least peak"
-    free = _without_prices(objective)
+    free = unpriced(objective)
     peak, tangents = relax(free, allowed, monitor, 1e-3, getattr(method, "max_iterations", STEPS_FOR_BOUND))
     del tangents
     if peak.lower_bound > limit * (1 + KEEPS):
         if not isinstance(method, RelaxRoundPolish):
-            raise _unreachable(limit, peak.lower_bound, None)
+            raise unreachable(limit, peak.lower_bound, None)
         best = hunt(free, allowed, RelaxRoundPolish(exact=method.exact), monitor).found
         free.cost(best.weights)
-        raise _unreachable(limit, max(best.bound, peak.lower_bound), free.criterion_value)
-    capped, relaxed, bounding = _relaxed(objective, limit, allowed, peak.weights, method, monitor)
+        raise unreachable(limit, max(best.bound, peak.lower_bound), free.criterion_value)
+    capped, relaxed, bounding = relaxed_below(objective, limit, allowed, peak.weights, method, monitor)
     found = Found(relaxed.weights, relaxed.iterations, relaxed.status, "", relaxed, target=method.relative_gap)
     hunted = Hunted(found, bounding)
     if isinstance(method, Relaxed):
@@ -90,10 +92,20 @@ def hunt_below(
     return hunted
 
 
-def _relaxed(
+def relaxed_below(
     objective: PeakSweep, limit: float, allowed: IntervalPolytopes, start: np.ndarray, method: Doable, monitor: Monitor
-):
-    """The objective with the rho found, the relaxation with the best bound, and the tangents that prove it."""
+) -> tuple[PeakSweep, RelaxedOutcome, list[Judged]]:
+    """The objective with the rho found, the relaxation with the best bound, and the tangents that prove it.
+
+    Parameters
+    ----------
+    objective : the peak, without the limit
+    limit : e
+    allowed : IntervalPolytopes, perhaps with a budget
+    start : (N, M) policy of a small peak
+    method : of the family
+    monitor : Monitor
+    """
     objective.cost(start)
     rho = max(_most(objective), 1e-6 * limit) / limit
     best, tangents, kept, rough = None, [], None, max(ROUGH, method.relative_gap)
@@ -138,12 +150,12 @@ def _cheapest(
         sure.cost(found.weights)
         if sure.criterion_value > limit * (1 + KEEPS):  # the price is so high that the least peak is not missed
             every = Found(found.weights, 0, found.status)
-            free = _without_prices(objective)
+            free = unpriced(objective)
             every_schedule(free, allowed, every, WORK, monitor, True)
             free.cost(every.weights)
-            raise _unreachable(limit, every.bound, free.criterion_value)
+            raise unreachable(limit, every.bound, free.criterion_value)
         return
-    free = _without_prices(objective)
+    free = unpriced(objective)
     hard = RelaxRoundPolish(exact=True if exact else None, polish=max(method.polish, 50))
     lowest = hunt(free, allowed, hard, monitor)
     free.cost(lowest.found.weights)
@@ -151,20 +163,20 @@ def _cheapest(
     if lowest.found.relaxed is not None:
         bound = max(bound, lowest.found.relaxed.lower_bound)
     if bound > limit * (1 + KEEPS):
-        raise _unreachable(limit, bound, peak)
+        raise unreachable(limit, bound, peak)
     if peak > limit * (1 + KEEPS) and not exact:  # perhaps a tree knows better
         limits = {"relative_gap": Exact().relative_gap, "max_nodes": SEARCHED, "time_limit": SECONDS}
         lowest = hunt(free, allowed, RelaxRoundPolish(exact=limits), monitor)
         free.cost(lowest.found.weights)
         peak, bound = free.criterion_value, max(bound, lowest.found.bound)
         if bound > limit * (1 + KEEPS):
-            raise _unreachable(limit, bound, peak)
+            raise unreachable(limit, bound, peak)
     starts = [lowest.found.weights]
     found.weights, _ = improved(sure, LowerModel(sure, relaxed), allowed, relaxed, method.polish, monitor, starts)
 
 
-def _without_prices(objective: PeakSweep) -> PeakSweep:
-    """The peak alone."""
+def unpriced(objective: PeakSweep) -> PeakSweep:
+    """The peak alone, nothing else of `objective` being charged."""
     r = objective.recursion
     return PeakSweep(
         replace(r, cost=np.zeros_like(r.cost), running=np.zeros((0, r.states, r.states)), charge=None),
@@ -182,13 +194,36 @@ def _price(objective: PeakSweep, limit: float) -> float:
     return EXCESS * max(_most(objective), limit, 1.0) / (limit * 1e-6)
 
 
-def _unreachable(limit: float, bound: float, peak: float | None) -> InfeasibleError:
+def require_reachable(limit: float, bound: float) -> None:
+    """Raise InfeasibleError where no schedule has a peak below a bound that lies above the limit.
+
+    Parameters
+    ----------
+    limit : e
+    bound : of the least peak
+    """
+    if bound > limit * (1 + KEEPS):
+        raise unreachable(limit, bound, None)
+
+
+def unreachable(limit: float, bound: float, peak: float | None, rules: bool = False) -> InfeasibleError:
+    """The error that names the least peak.
+
+    Parameters
+    ----------
+    limit : e
+    bound : of the least peak
+    peak : of the best schedule that is known, or None
+    rules : whether schedules have to keep rules as well
+    """
+    who = "no schedule that keeps the rules" if rules else "no schedule"
     if peak is None:
-        least = f"no schedule has a peak below {rounded_down(bound, 8)}"
+        least = f"{who} has a peak below {rounded_down(bound, 8)}"
     elif peak - bound <= 1e-6 * peak:
         least = f"the least peak is {peak:.8g}"
     else:
         least = f"the least peak lies between {rounded_down(bound, 8)} and {peak:.8g}"
-    return InfeasibleError(
-        f"no schedule keeps the peak at or below {limit:g}: {least}\n  hint: a larger limit, or more or better readings"
+    hint = "a larger limit, fewer rules, or more or better readings" if rules else (
+        "a larger limit, or more or better readings"
     )
+    return InfeasibleError(f"{who} keeps the peak at or below {limit:g}: {least}\n  hint: {hint}")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from occontrol.core.errors import SolveFailed
+from occontrol.core.errors import Mistake, ProblemError, SolveFailed
 from occontrol.families.athans.criteria.statement import LARGEST, LOG_TRACE, PEAK, SCHATTEN, CriterionChoice
 from occontrol.families.athans.readings.fill import Filled, feasible_set, terminal_output
 from occontrol.families.athans.readings.problem import ReadingsProblem
@@ -16,6 +16,7 @@ from occontrol.scheduling.criterion_sweep import CriterionObjective, CriterionSw
 from occontrol.scheduling.path import step_path
 from occontrol.scheduling.peak import PeakSweep, Watched, watched_before
 from occontrol.scheduling.recursion import Recursion
+from occontrol.scheduling.rules.model import KEEPS
 
 DEPENDENT = (
     "{outputs} outputs have only {rank} independent errors, whatever is measured: the determinant is that of the "
@@ -71,6 +72,22 @@ def objective_of(problem: ReadingsProblem, filled: Filled) -> tuple[CriterionObj
     output = filled.units.out_of(terminal_output(problem)[0])
     criterion, note = criterion_of(choice, output, r, weights)
     return CriterionSweep(r, criterion), note
+
+
+def require_below(problem: ReadingsProblem, filled: Filled, weights: np.ndarray) -> None:
+    """Raise ProblemError where a policy does not keep the limit of a peak.
+
+    Parameters
+    ----------
+    problem : of readings, with a limit
+    filled : the problem as a recursion
+    weights : (E, M) of every decision
+    """
+    objective, limit = objective_of(problem, filled)[0], (problem.criterion or CriterionChoice()).limit
+    objective.cost(weights)
+    if limit is not None and objective.criterion_value > limit * (1 + KEEPS):
+        what = f"the peak of the schedule is {objective.criterion_value:.8g}, the limit is {limit:g}"
+        raise ProblemError(Mistake(("schedule",), what))
 
 
 def peak_times(problem: ReadingsProblem) -> np.ndarray:

@@ -36,6 +36,11 @@ class Measured:
     objective: CriterionObjective
     note: str
 
+    @property
+    def limit(self) -> float | None:
+        """Of a peak."""
+        return None if self.problem.criterion is None else self.problem.criterion.limit
+
 
 def measured_of(problem: SchedulingProblem) -> Measured:
     """A balanced and prepared problem made ready.

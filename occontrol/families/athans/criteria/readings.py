@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core import stopwatch
-from occontrol.core.errors import InfeasibleError, Mistake, ProblemError
+from occontrol.core.errors import InfeasibleError
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution, Status
-from occontrol.families.athans.criteria.limit import KEEPS, hunt_below
-from occontrol.families.athans.criteria.objective import objective_of
+from occontrol.families.athans.criteria.limit import hunt_below
+from occontrol.families.athans.criteria.objective import objective_of, require_below
 from occontrol.families.athans.criteria.search import Hunted, hunt
 from occontrol.families.athans.methods import Relaxed
 from occontrol.families.athans.readings.assembly import Verdict, checked, collect, raised, remark_on
@@ -60,10 +60,7 @@ def judge_measured(problem: ReadingsProblem, weights: np.ndarray, relative_gap: 
     objective, note = objective_of(problem, filled)
     limit = _limit(problem)
     if limit is not None:
-        objective.cost(weights)
-        if objective.criterion_value > limit * (1 + KEEPS):
-            what = f"the peak of the schedule is {objective.criterion_value:.8g}, the limit is {limit:g}"
-            raise ProblemError(Mistake(("schedule",), what))
+        require_below(problem, filled, weights)
     whole = bool(np.all(np.abs(weights - np.round(weights)) < 1e-9))
     method = problem.method if hasattr(problem.method, "exact_options") else None
     hunted = _hunted(problem, objective, method if whole and method else _usual(whole, relative_gap), monitor)

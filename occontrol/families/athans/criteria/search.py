@@ -170,7 +170,7 @@ def _baseline(
             return greedy_with_budget(lower, allowed, WEIGHED)
         return in_turn_with_budget(allowed) if isinstance(method, RoundRobin) else random_policy(allowed, seed)
     if isinstance(method, Greedy):
-        return greedy_by_criterion(_swept(objective), allowed)
+        return greedy_by_criterion(swept(objective), allowed)
     if isinstance(method, BestSingle):
         return best_single(objective, allowed)
     if isinstance(method, RoundRobin):
@@ -246,7 +246,7 @@ def improved(
             return min(((v, objective.cost(v)) for v in starts), key=lambda each: each[1])
         done = [by_moves(lower, allowed, start, TRIED, monitor) for start in starts]
         return min(done, key=lambda each: each[1])
-    starts = [*roundings(relaxed, allowed), greedy_by_criterion(_swept(objective), allowed), *(further or [])]
+    starts = [*roundings(relaxed, allowed), greedy_by_criterion(swept(objective), allowed), *(further or [])]
     starts.sort(key=objective.cost)
     if not rounds or monitor.stop:
         return starts[0], objective.cost(starts[0])
@@ -259,7 +259,8 @@ def improved(
     return best.weights, best.cost
 
 
-def _swept(objective: CriterionObjective) -> CriterionSweep | PeakSweep:
+def swept(objective: CriterionObjective) -> CriterionSweep | PeakSweep:
+    """The `objective` as one of the two that there are on a recursion."""
     return cast("CriterionSweep | PeakSweep", objective)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from occontrol.core.errors import Collector, Mistake, UsageError, suggest
+from occontrol.core.errors import Collector, Mistake, suggest
 from occontrol.core.kinds import PlainDict
 
 if TYPE_CHECKING:
@@ -116,17 +116,6 @@ class CriterionChoice:
         return {key: value for key, value in values.items() if value is not None}
 
 
-def refuse_rules(problem: AthansProblem) -> None:
-    """UsageError where a criterion other than the trace stands beside rules on schedules.
-
-    Parameters
-    ----------
-    problem : of the family
-    """
-    if problem.measured and problem.ruled:
-        raise UsageError("a criterion other than the trace does not go with rules on schedules\n  hint: leave them out")
-
-
 def mistakes_of(problem: AthansProblem) -> list[Mistake]:
     """What is wrong with the criterion of a problem, alone and beside its rules.
 
@@ -147,7 +136,4 @@ def mistakes_of(problem: AthansProblem) -> list[Mistake]:
     if problem.rules is not None and problem.rules.max_error is not None:
         what = f"max_error is of the trace, and the criterion is {choice.name}"
         found.append(Mistake(("constraints", "max_error"), what, "criterion: {name: peak, limit: ..}", True))
-    if problem.ruled and choice.limit is not None:
-        what = "a limit of the peak does not go with rules on schedules"
-        found.append(Mistake((*_PATH, "limit"), what, "leave limit or the rules out", True))
     return found

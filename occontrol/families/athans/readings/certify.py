@@ -13,7 +13,6 @@ from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.certify import parts_of
 from occontrol.families.athans.criteria.design import judge_design
 from occontrol.families.athans.criteria.readings import judge_measured
-from occontrol.families.athans.criteria.statement import refuse_rules
 from occontrol.families.athans.readings.fill import feasible_set
 from occontrol.families.athans.readings.filter import weights_on
 from occontrol.families.athans.readings.problem import ReadingsProblem
@@ -34,10 +33,8 @@ def certify(problem: ReadingsProblem, schedule: Schedule, claims: Claims | None 
     claims : what somebody says of it; refuted claims make the status `disagrees`
 
     Returns a Solution with method "certify". Raises ProblemError when the schedule has other instants, changes inside
-    an epoch, breaks a window or a rule, or reads too many or too few sensors; UsageError for rules beside a criterion
-    that is not the trace.
+    an epoch, breaks a window or a rule, or reads too many or too few sensors.
     """
-    refuse_rules(problem)
     if problem.ruled:
         return certify_ruled(problem, on_decisions(problem, weights_on(problem, as_read(schedule, problem))), claims)
     problem.require_feasible()

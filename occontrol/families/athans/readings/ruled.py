@@ -17,7 +17,10 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution, Status
 from occontrol.families.athans.certify import parts_of
+from occontrol.families.athans.criteria.objective import objective_of, require_below
+from occontrol.families.athans.criteria.ruled import begun, work_of
 from occontrol.families.athans.found import relax
+from occontrol.families.athans.methods import RelaxRoundPolish
 from occontrol.families.athans.readings.assembly import Verdict, checked, collect, raised, reading_prices
 from occontrol.families.athans.readings.fill import Filled, feasible_set, fill
 from occontrol.families.athans.readings.plain import plain_cost
@@ -30,6 +33,7 @@ from occontrol.families.athans.rules.frame import Frame
 from occontrol.families.athans.rules.plain_bound import plain_bound
 from occontrol.families.athans.rules.search import Outcome, Work, run, searched
 from occontrol.families.athans.rules.setting import GOALS
+from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.rules.check import RELATIVE, changes, switching_cost
 from occontrol.scheduling.rules.proof import Claim, prove_under_rules
 from occontrol.scheduling.rules.task import Task
@@ -54,10 +58,9 @@ def solve_ruled(problem: ReadingsProblem, method: Method, monitor: Monitor) -> S
     problem.require_feasible()
     began = stopwatch.seconds()
     filled, frame, task = _stated(problem)
-    sweep, allowed = Sweep(filled.recursion), feasible_set(problem)
-    relaxed = relax(sweep, allowed, monitor, getattr(method, "relative_gap", 1e-4)).relaxed
-    outcome = run(Work(task, frame, sweep, allowed, relaxed, monitor), method)  # type: ignore[arg-type]
-    return _assembled(problem, filled, task, outcome, method.name, monitor, began)
+    work, note = _work(problem, filled, frame, task, method, monitor)
+    outcome = run(work, method)
+    return _assembled(problem, filled, work.task, outcome, method.name, monitor, began, note)
 
 
 def certify_ruled(problem: ReadingsProblem, weights: np.ndarray, claims: Claims | None) -> Solution:
@@ -88,12 +91,15 @@ def certify_ruled(problem: ReadingsProblem, weights: np.ndarray, claims: Claims 
         what = f"the error of the schedule is {error + filled.constant:.8g}, max_error is {frame.rules.max_error:g}"
         raise ProblemError(Mistake(("schedule",), what))
     gap = getattr(problem.method, "relative_gap", 1e-4)
-    relaxed = relax(Sweep(filled.recursion), allowed, monitor, gap).relaxed
+    if problem.capped:
+        require_below(problem, filled, padded)
+    work, note = _work(problem, filled, frame, task, RelaxRoundPolish(gap), monitor)
+    task, relaxed = work.task, work.relaxed
     search, tree = searched(task, relaxed, TreeOptions(most=1, moves=0), monitor, [plan], allowed)  # type: ignore[arg-type]
     found = Outcome(plan, plan.weights, plan.switching, tree.lower_bound, tree.root, search.rows, tree.nodes)
     found.relaxed, found.target = relaxed, gap
     found.status = Status.FEASIBLE if relaxed is None else relaxed.status
-    solution = _assembled(problem, filled, task, found, "certify", monitor, began)
+    solution = _assembled(problem, filled, task, found, "certify", monitor, began, note)
     if claims is None or solution.certificate is None:
         return solution
     best = np.inf if search.best is None else search.best.value + task.goal.error * filled.constant
@@ -123,8 +129,30 @@ def _stated(problem: ReadingsProblem) -> tuple[Filled, Frame, Task]:
     return filled, frame, task
 
 
+def _work(
+    problem: ReadingsProblem, filled: Filled, frame: Frame, task: Task, method: Method, monitor: Monitor
+) -> tuple[Work, str]:
+    """What a search under rules works on, and what is to be said about the criterion."""
+    allowed = feasible_set(problem)
+    if problem.measured:
+        objective, note = objective_of(problem, filled)
+        limit = None if problem.criterion is None else problem.criterion.limit
+        begin = begun(objective, limit, task, frame, allowed, method, monitor)
+        return work_of(begin, objective, frame, allowed, monitor), note
+    sweep = Sweep(filled.recursion)
+    relaxed = relax(sweep, allowed, monitor, getattr(method, "relative_gap", 1e-4)).relaxed
+    return Work(task, frame, sweep, allowed, relaxed, monitor), ""  # type: ignore[arg-type]
+
+
 def _assembled(
-    problem: ReadingsProblem, filled: Filled, task: Task, found: Outcome, name: str, monitor: Monitor, began: float
+    problem: ReadingsProblem,
+    filled: Filled,
+    task: Task,
+    found: Outcome,
+    name: str,
+    monitor: Monitor,
+    began: float,
+    note: str,
 ) -> Solution:
     """Certify what the search found, and check it with the plain filter."""
     rules, goal, M = task.rules, task.goal, len(problem.sensors)
@@ -139,7 +167,8 @@ def _assembled(
     spent = float(np.sum(reading_prices(problem) * filled.recursion.on_steps(on)))
     weight = WEIGHTS.get(problem.minimise, problem.cost_weight)
     switching = found.switching if plan is None else switching_cost(rules, plan.on)
-    total = goal.observation * weight * spent + goal.error * (plain.running + plain.prediction) + switching
+    charged = plain.running + (0.0 if problem.capped else plain.criterion)
+    total = goal.observation * weight * spent + goal.error * charged + switching
     proven = plan is not None and bool(certificate.relative_gap <= found.gap)
     status = found.status
     if found.exact and status is Status.FEASIBLE and proven:
@@ -148,8 +177,10 @@ def _assembled(
         status = Status.FEASIBLE
     status, message = checked(proof, plain, total, status, found.message)
     if status is not Status.DISAGREES:
-        message = (message or _message(certificate.lower_bound, proven, found, name)) + proof.remark(found.target)
-    error = plain.running + plain.prediction - filled.constant
+        limit = None if problem.criterion is None else problem.criterion.limit
+        message = message or _message(certificate.lower_bound, proven, found, name, limit)
+        message += proof.remark(found.target) + (f" The {note}" if note else "")
+    error = charged - filled.constant
     further = {
         "switching_cost": found.switching,
         "proven_optimal": proven,
@@ -159,10 +190,11 @@ def _assembled(
     }
     constant = goal.error * filled.constant
     bound = plain_bound(task, problem.upper, found.relaxed, found.root, certificate.lower_bound - constant) + constant
-    _, gradient = Sweep(filled.recursion).cost_and_gradient(measuring)
+    judged = task.judged(found.weights)
     verdict = Verdict(
-        measuring, on, proof, gradient, found.nodes, status, message, found.relaxed, bound, further, dict(found.extra)
-    )
+        measuring, on, proof, judged.gradient[:, :M], found.nodes, status, message, found.relaxed, bound, further,
+        dict(found.extra), None if task.model is None else _along(filled.recursion, judged.terms[0].recursion),
+    )  # fmt: skip
     solution = collect(problem, name, filled, verdict, plain, monitor, began)
     if plan is None:
         return solution
@@ -170,8 +202,17 @@ def _assembled(
     return dataclasses.replace(solution, numbers=numbers)
 
 
-def _message(bound: float, proven: bool, found: Outcome, name: str) -> str:
-    text = f"No schedule of these readings that keeps the rules costs less than {rounded_down(bound, 6)}."
+def _along(plain: Recursion, tangent: Recursion) -> Recursion:
+    """The recursion with the weights of a tangent that has further columns."""
+    t = tangent
+    return dataclasses.replace(
+        plain, terminal=t.terminal, running=t.running, running_set=t.running_set, charge=t.charge
+    )
+
+
+def _message(bound: float, proven: bool, found: Outcome, name: str, limit: float | None) -> str:
+    kept = "keeps the rules" if limit is None else f"keeps the rules and whose peak is at most {limit:g}"
+    text = f"No schedule of these readings that {kept} costs less than {rounded_down(bound, 6)}."
     if proven:
         return text + " The schedule is proven optimal among them."
     if found.plan is None:

@@ -11,7 +11,6 @@ from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution
 from occontrol.families.athans.criteria.design import solve_design
 from occontrol.families.athans.criteria.readings import solve_measured
-from occontrol.families.athans.criteria.statement import refuse_rules
 from occontrol.families.athans.found import Found, relax
 from occontrol.families.athans.methods import Collocation, Relaxed, RelaxRoundPolish
 from occontrol.families.athans.readings.assembly import assemble
@@ -38,13 +37,12 @@ def solve(problem: ReadingsProblem, method: Method, monitor: Monitor) -> Solutio
     """
     if isinstance(method, Collocation):
         raise UsageError("collocation does not do readings at instants\n  hint: method: schedule, or relaxed")
-    refuse_rules(problem)
     if not problem.prior:
         return solve_design(problem, method, monitor)
-    if problem.measured:
-        return solve_measured(problem, method, monitor)
     if problem.ruled:
         return solve_ruled(problem, method, monitor)
+    if problem.measured:
+        return solve_measured(problem, method, monitor)
     problem.require_feasible()
     began = stopwatch.seconds()
     filled = fill(problem)

@@ -46,7 +46,7 @@ def certify_ruled(problem: SchedulingProblem, schedule: Schedule, claims: Claims
     started = stopwatch.seconds()
     monitor = Monitor()
     problem, weights = on_common_grid(problem, as_read(schedule, problem))
-    _require_rules(problem, weights)
+    require_rules(problem, weights)
     problem.require_feasible()
     gap = getattr(problem.method, "relative_gap", 1e-4)
     inner, units = balanced(prepared(problem, gap))
@@ -77,8 +77,14 @@ def certify_ruled(problem: SchedulingProblem, schedule: Schedule, claims: Claims
     return solution
 
 
-def _require_rules(problem: SchedulingProblem, weights: np.ndarray) -> None:
-    """ProblemError with everything that weights (N, M) break."""
+def require_rules(problem: SchedulingProblem, weights: np.ndarray) -> None:
+    """Raise ProblemError with everything that a schedule breaks, the caps on cost and error apart.
+
+    Parameters
+    ----------
+    problem : with rules
+    weights : (N, M) on its edges
+    """
     whole = require_whole(weights)
     empty = ~np.any(whole > 0, axis=1) if problem.slews else np.zeros(len(whole), dtype=bool)
     allowed = feasible_set(problem)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -30,7 +31,7 @@ from occontrol.scheduling.sweep import Sweep
 NODES = 12  # of a search that is not asked to be exact
 FIRST = 500  # nodes in which a first schedule must be found
 MOVES = 1500  # evaluations of the true cost for the best schedule, where the tree is short
-_NONE = "no schedule keeps all rules together: the tree of all schedules was searched to its end"
+NONE = "no schedule keeps all rules together: the tree of all schedules was searched to its end"
 _NOT_FOUND = (
     "no schedule that keeps the rules was found within the limits, though none of the rules is impossible by itself; "
     "method: {name: schedule, exact: {max_nodes: ..}} searches on, or relax a rule"
@@ -86,20 +87,22 @@ class Work:
     ----------
     task : Task
     frame : Frame of the problem as the user stated it
-    sweep : J without columns for sensors that warm up
+    sweep : J without columns for sensors that warm up; not looked at where there is a `policy`
     allowed : FeasibleSet without rules
     relaxed : the relaxation without rules
     monitor : Monitor
     known : (N, M) what is on in a schedule to begin with, or None
+    policy : what a method finds without rules, (N, M), with its message; None where the method is asked for it
     """
 
     task: Task
     frame: Frame
-    sweep: Sweep
+    sweep: Sweep | None
     allowed: FeasibleSet
     relaxed: RelaxedOutcome
     monitor: Monitor
     known: np.ndarray | None = None
+    policy: Callable[[Any], tuple[np.ndarray, str]] | None = None
 
 
 def start_of(task: Task, relaxed: RelaxedOutcome) -> np.ndarray:
@@ -169,7 +172,7 @@ def _scheduled(work: Work, method: RelaxRoundPolish) -> Outcome:
     search, tree = searched(work.task, work.relaxed, options, watch, seeds_of(work), work.allowed)
     if tree.best is None:
         if tree.complete and np.isinf(tree.lower_bound):
-            raise refusal(_NONE, blamed(work.frame, work.task.rules))
+            raise refusal(NONE, blamed(work.frame, work.task.rules))
         raise SolveFailed(_NOT_FOUND)
     plan = tree.best.plan
     bound = max(tree.lower_bound, _without_rules(work))
@@ -224,7 +227,7 @@ def _relaxed(work: Work) -> Outcome:
     search, tree = searched(work.task, work.relaxed, options, work.monitor, [])
     root: Hull = tree.root
     if np.isinf(root.lower_bound):
-        raise refusal(_NONE, blamed(work.frame, work.task.rules))
+        raise refusal(NONE, blamed(work.frame, work.task.rules))
     shares = np.pad(root.shares, (0, len(root.plans) - len(root.shares)))
     switching = float(sum(s * p.switching for s, p in zip(shares, root.plans, strict=True)))
     on = sum(s * p.on for s, p in zip(shares, root.plans, strict=True))
@@ -236,16 +239,19 @@ def _relaxed(work: Work) -> Outcome:
 def _obeying(work: Work, method: Any) -> Outcome:
     """What another method finds without rules, changed for as short a time as they ask for."""
     monitor = work.monitor
-    if isinstance(method, HMinimal):
+    if work.policy is not None:
+        weights, message = work.policy(method)
+    elif isinstance(method, HMinimal):
         found = method.run(None, work.sweep, work.allowed, monitor)  # type: ignore[arg-type]
         weights, message = found.weights, found.message
     else:
         weights, message = method.policy(work.sweep, work.allowed), ""
     plan = nearest(work.task, weights)
     if plan is None:
-        raise InfeasibleError(_NONE)
+        raise InfeasibleError(NONE)
     if not np.isfinite(work.task.value(plan)):
         what = f"{method.name} does not do these rules: the nearest schedule that keeps the others breaks a budget"
+        what += " or the limit" if work.task.model is not None and work.task.model.limit is not None else ""
         raise UsageError(f"{what}\n  hint: method: schedule")
     options = TreeOptions(Exact().relative_gap, 1, 0, 1)
     search, tree = searched(work.task, work.relaxed, options, monitor, [plan])

@@ -98,8 +98,8 @@ def test_a_limit_certify_and_the_words(tmp_path: Path, every: dict) -> None:
     assert oc.document(oc.read_problem(path)) == oc.document(p)
     with pytest.raises(oc.UsageError, match="collocation does not do criteria"):
         oc.solve(p, "collocation")
-    ruled = written(tmp_path, TEXT, more="constraints: {max_switches: 2}\n")
-    with pytest.raises(oc.UsageError, match="does not go with rules"):
+    ruled = written(tmp_path, TEXT, ("relative_gap: 1.0e-3", "off_grid: true"), more="constraints: {max_switches: 2}\n")
+    with pytest.raises(oc.UsageError, match="off_grid does not do criteria"):
         oc.solve(ruled)
     with pytest.raises(oc.ProblemError, match="a rate has no before and after"):
         written(tmp_path, TEXT, ("{name: logdet}", "{name: peak, at: prior}"))

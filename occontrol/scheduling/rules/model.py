@@ -1,0 +1,113 @@
+"""A criterion as a search under rules sees it: one convex function below J for bounds, and the true J of schedules.
+
+Corners are smoothed once and for all, by so little that J is lowered by at most a set amount. With a limit e of the
+peak, schedules that exceed it are not allowed; where it is kept
+
+    model(v) = cost.v + rho mu log(1 + sum_i exp((f_i - e)/mu)) - rho mu log(m + 1) <= cost.v
+
+so that whatever bounds the model bounds the schedules that keep rules and limit, for every rho.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from occontrol.scheduling.criterion_sweep import CriterionSweep
+from occontrol.scheduling.peak import PeakSweep
+from occontrol.scheduling.proof import Judged
+from occontrol.scheduling.recursion import Recursion
+
+KEEPS = 1e-9  # of a limit, by which rounding may exceed it
+FINER = (1.0, 0.1, 0.0)  # times mu: where tangents are tried in the end
+
+
+class CriterionModel:
+    """J of a criterion under rules; an Objective whose cost and gradient belong together.
+
+    Parameters
+    ----------
+    true : the objective without a limit, not smoothed
+    lost : by how much the model may lie below J, in units of the cost
+    limit : e of the peak, or None
+    penalty : rho, of the limit
+    """
+
+    def __init__(
+        self, true: CriterionSweep | PeakSweep, lost: float, limit: float | None = None, penalty: float = 0.0
+    ):
+        self.true, self.lost, self.limit, self.penalty = true, lost, limit, penalty
+        whole = true.with_limit(limit, penalty) if limit is not None and isinstance(true, PeakSweep) else true
+        smooth = whole.corners and whole.spread > 0
+        self._whole, self.smoothing = whole, lost / whole.spread if smooth else 0.0
+        self._lower = whole.with_smoothing(self.smoothing) if smooth else whole
+        self._shift = lost if smooth else 0.0
+
+    @property
+    def recursion(self) -> Recursion:
+        """Of the decisions."""
+        return self.true.given if isinstance(self.true, PeakSweep) else self.true.recursion
+
+    @property
+    def signed(self) -> bool:
+        """Whether J may be negative."""
+        return self.true.signed
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(N, C) of the policies."""
+        return self.true.shape
+
+    @property
+    def states(self) -> int:
+        """n"""
+        return self.true.states
+
+    @property
+    def forward_count(self) -> int:
+        """Evaluations of the cost so far."""
+        return self.true.forward_count + (0 if self._lower is self.true else self._lower.forward_count)
+
+    @property
+    def backward_count(self) -> int:
+        """Evaluations of the gradient so far."""
+        return self._lower.backward_count
+
+    def cost(self, weights: np.ndarray) -> float:
+        """The model at a policy, `weights` (N, C)."""
+        return self._lower.cost(weights) - self._shift
+
+    def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
+        """The model and its gradient (N, C) at a policy, `weights` (N, C)."""
+        J, g = self._lower.cost_and_gradient(weights)
+        return J - self._shift, g
+
+    def true_cost(self, weights: np.ndarray) -> float:
+        """J of a schedule, `weights` (N, C); inf where it exceeds the limit."""
+        J = self.true.cost(weights)
+        if self.limit is None:
+            return J
+        return J - self.true.criterion_value if self.true.criterion_value <= self.limit * (1 + KEEPS) else np.inf
+
+    def most(self) -> float:
+        """What J may be at most beside prices: nothing is measured; with a limit the peak is no part of it."""
+        J = self.true.cost(np.zeros(self.shape))
+        return J if self.limit is None else J - self.true.criterion_value
+
+    def with_prices(self, prices: np.ndarray) -> CriterionModel:
+        """The same with other `prices` (N, C) in the recursion."""
+        true = self.true.on(replace(self.recursion, cost=prices))
+        return CriterionModel(true, self.lost, self.limit, self.penalty)
+
+    def judged(self, weights: np.ndarray) -> Judged:
+        """A schedule, `weights` (N, C), with its true J."""
+        if self.limit is None or not isinstance(self.true, PeakSweep):
+            return self.true.tangent(weights)
+        return self.true.with_limit(self.limit, 0.0).tangent(weights)
+
+    def tangents(self, policy: np.ndarray) -> list[Judged]:
+        """A `policy` (N, C) with tangents that bound J there, smoothed more and less."""
+        if self._lower is self._whole:
+            return [self._whole.tangent(policy)]
+        return [self._whole.with_smoothing(f * self.smoothing).tangent(policy) for f in FINER]
