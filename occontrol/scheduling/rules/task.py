@@ -97,14 +97,14 @@ class Task:
         return linear, self.model.true_cost(weights) - linear
 
     def judged(self, weights: np.ndarray) -> Judged:
-        """A schedule (N, C) with its true J, for a proof."""
+        """A schedule, `weights` (N, C), with its true J, for a proof."""
         if self.model is not None:
             return self.model.judged(weights)
         J, g = self.sweep.cost_and_gradient(weights)
         return Judged(weights, J, g, [Term(1.0, self.sweep.recursion)])
 
     def tangents(self, policy: np.ndarray) -> list[Judged]:
-        """A policy (N, C) with the tangents there that bound J, for a proof."""
+        """A `policy` (N, C) with the tangents there that bound J, for a proof."""
         return [self.judged(policy)] if self.model is None else self.model.tangents(policy)
 
     def value(self, plan: Plan) -> float:

@@ -71,7 +71,8 @@ def judge_ruled_rate(
     problem : with a criterion and rules
     weights : (N, M) on its edges
 
-    Raises ProblemError naming every rule that the schedule breaks, and a limit that it does not keep.
+    Raises ProblemError naming every rule that the schedule breaks, and a limit that it does not keep, SolveFailed where
+    rules and search disagree on it.
     """
     began, monitor = stopwatch.seconds(), Monitor()
     require_rules(problem, weights)
