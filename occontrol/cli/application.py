@@ -19,6 +19,7 @@ from occontrol.cli import (
     solve,
     sweep,
     tradeoff,
+    warm,
 )
 
 HELP = "Optimal sensor scheduling, with a proven lower bound beside every schedule."
@@ -51,6 +52,7 @@ COMMANDS = {
     "montecarlo": montecarlo.montecarlo,
     "sweep": sweep.sweep,
     "work": sweep.work,
+    "warm": warm.warm,
 }
 for _name, _function in COMMANDS.items():
     app.command(_name)(_function)

@@ -17,6 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from occontrol.numerics.loops import copy_matrix, multiply
+
 OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz", "reassoc"}}
 
 
@@ -94,8 +96,8 @@ def predict(root: np.ndarray, transition: np.ndarray, noise_root: np.ndarray) ->
     """
     n, p = noise_root.shape
     array = np.empty((n, n + p))
-    array[:, :n] = np.dot(transition, root)
-    array[:, n:] = noise_root
+    multiply(transition, root, array[:, :n])
+    copy_matrix(noise_root, array[:, n:])
     triangularise(array, n)
     return array[:, :n].copy()
 
@@ -117,8 +119,8 @@ def update(root: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     """
     m, n = rows.shape
     array = np.zeros((m + n, n + m))
-    array[:m, :n] = np.dot(rows, root)
-    array[m:, :n] = root
+    multiply(rows, root, array[:m, :n])
+    copy_matrix(root, array[m:, :n])
     for i in range(m):
         array[i, n + i] = 1.0
     triangularise(array, m)
@@ -144,9 +146,9 @@ def advance(
     """
     m, n = rows.shape
     array = np.empty((m + n, n + noise_root.shape[1]))
-    array[:m, :n] = np.dot(rows, root)
-    array[m:, :n] = np.dot(transition, root)
-    array[:, n:] = noise_root
+    multiply(rows, root, array[:m, :n])
+    multiply(transition, root, array[m:, :n])
+    copy_matrix(noise_root, array[:, n:])
     triangularise(array, m + n)
     return array[m:, m : m + n].copy(), array[m:, :m].copy(), array[:m, :m].copy()
 

@@ -18,7 +18,7 @@ from numba import njit
 
 from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.sweep import Sweep
-from occontrol.scheduling.vectors import OPTIONS, copy
+from occontrol.scheduling.vectors import OPTIONS, START, copy
 
 
 @njit(**OPTIONS)
@@ -108,7 +108,7 @@ def _best_exchanges(
                             s += plus[i, m] * c[r, m]
                         Y[r, i] = s
         # T = Lam K, then K'T + C~' (I - C~ S+ C~') C~, which equals the innovation term
-        copy(adjoint.reshape(-1), 0, T.reshape(-1), 0, n * n)
+        copy(adjoint.reshape(-1), START, T.reshape(-1), START, n * n)
         for j in range(M):
             w = h * v[k, j]
             if w > 0.0:
@@ -119,7 +119,7 @@ def _best_exchanges(
                             s += adjoint[i, m] * Y[r, m]
                         for m in range(n):
                             T[i, m] -= w * s * c[r, m]
-        copy(T.reshape(-1), 0, adjoint.reshape(-1), 0, n * n)
+        copy(T.reshape(-1), START, adjoint.reshape(-1), START, n * n)
         for j in range(M):
             w = h * v[k, j]
             if w > 0.0:

@@ -16,7 +16,10 @@ from __future__ import annotations
 from numba import njit
 
 from occontrol.scheduling.vectors import (
+    LOWER,
     OPTIONS,
+    START,
+    WHOLE,
     WIDTH,
     axpy,
     copy,
@@ -104,14 +107,14 @@ def forward_small(
     per_set, c = rows.shape[1] * width, rows.reshape(-1)
     if keep:
         X = kept.reshape(-1)
-    before = at = 0
+    before = at = START  # not the literal 0, with which `product` would be compiled once more
     total = 0.0
     for k in range(k0, k1):
         u = predict[k] * size
-        product(f, u, width, last, before, width, t, 0, width, t[:0], 0, n, n, width, False)
+        product(f, u, width, last, before, width, t, START, width, t[:0], START, n, n, width, WHOLE)
         if keep:
             at = (k - k0) * size
-        product(t, 0, width, ft, u, width, X, at, width, q, u, n, n, width, True)
+        product(t, START, width, ft, u, width, X, at, width, q, u, n, n, width, LOWER)
         mirror(X, at, n, width)
         h = steps[k]
         if running:
@@ -126,7 +129,7 @@ def forward_small(
             total += charges[k, 1] * trace_product(R[running_set[k]], X[at : at + size].reshape(n, width), n)
         last, before = X, at
     if keep and k1 > k0:
-        copy(X, at, S.reshape(-1), 0, size)
+        copy(X, at, S.reshape(-1), START, size)
     return total
 
 
@@ -147,8 +150,8 @@ def backward_small(
     f, c, ct, plus = F.reshape(-1), rows.reshape(-1), columns.reshape(-1), kept.reshape(-1)
     none = x[:0]
     for k in range(k1 - 1, k0 - 1, -1):
-        product(x, 0, width, plus, (k - k0) * size, width, u, 0, width, none, 0, p, n, width, False)
-        product(u, 0, width, ct, row_set[k] * n * wide, wide, d, 0, wide, none, 0, p, n, wide, False)
+        product(x, START, width, plus, (k - k0) * size, width, u, START, width, none, START, p, n, width, WHOLE)
+        product(u, START, width, ct, row_set[k] * n * wide, wide, d, START, wide, none, START, p, n, wide, WHOLE)
         if remember:
             for r in range(R):
                 for a in range(p):
@@ -169,8 +172,8 @@ def backward_small(
                         for i in range(0, width, WIDTH):
                             store(x, a * width + i, axpy(y, load(c, at + i), load(x, a * width + i)))
             gradient[k, j] = cost[k, j] - (h * total if upper[k, j] > 0.0 else 0.0)
-        product(x, 0, width, f, predict[k] * size, width, t, 0, width, none, 0, p, n, width, False)
-        copy(t, 0, x, 0, p * width)
+        product(x, START, width, f, predict[k] * size, width, t, START, width, none, START, p, n, width, WHOLE)
+        copy(t, START, x, START, p * width)
 
 
 @njit(**OPTIONS)
@@ -241,6 +244,6 @@ def backward_small_dense(
             for m in range(n):
                 P[i, m] += charges[k, 0] * weight[i, m]
         u = predict[k] * n * width
-        product(FT.reshape(-1), u, width, x, 0, width, t, 0, width, none, 0, n, n, width, False)
-        product(t, 0, width, F.reshape(-1), u, width, x, 0, width, none, 0, n, n, width, True)
+        product(FT.reshape(-1), u, width, x, START, width, t, START, width, none, START, n, n, width, WHOLE)
+        product(t, START, width, F.reshape(-1), u, width, x, START, width, none, START, n, n, width, LOWER)
         mirror(x, 0, n, width)

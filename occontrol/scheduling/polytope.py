@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from occontrol.numerics.loops import copy_vector
+
 _OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
 BISECTIONS = 100
 
@@ -16,7 +18,8 @@ BISECTIONS = 100
 def fill(g, upper, select, w):
     """w (M,) <- the vertex of one interval that minimises g.w: the cheapest open weights, on ties the lowest index."""
     M = len(g)
-    w[:] = 0.0
+    for j in range(M):
+        w[j] = 0.0
     left = float(select)
     while left > 0.0:
         best = -1
@@ -165,9 +168,10 @@ def mixture(a, g, last, upper, select, rounds, wanted):
     mixed, w = np.empty(M), np.empty(M)
     best = -np.inf
     for turn in range(rounds):
-        values[:] = a
+        copy_vector(a, values)
         for k in range(N):
-            mixed[:] = 0.0
+            for j in range(M):
+                mixed[j] = 0.0
             for i in range(count):
                 x = shares[i]
                 if x > 1e-9:  # any shares are valid, so the smallest may be dropped

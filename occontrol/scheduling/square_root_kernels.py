@@ -16,6 +16,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from occontrol.numerics.loops import copy_matrix
+
 OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
 
 
@@ -183,14 +185,14 @@ def forward(
         u, here = index[k], k - k0
         predict(X, F[u], root[u], M, work, E, tau, order, pivot, Z[here])
         if running:
-            before[here] = X
+            copy_matrix(X, before[here])
             total += charges[k, 0] * charge(V[running_set[k]], X)
         for j in range(offsets.shape[0] - 1):
             w = steps[k] * v[k, j]
             if w > 0.0:
                 for r in range(offsets[j], offsets[j + 1]):
                     update(X, rows[row_set[k], r], w, records[here, r])
-        after[here] = X
+        copy_matrix(X, after[here])
         if running:
             total += charges[k, 1] * charge(V[running_set[k]], X)
     return total
@@ -265,4 +267,4 @@ def backward(
                 o = Z[here, i, m]
                 for a in range(p):
                     t[i, a] += o * g[m, a]
-        g[:] = t
+        copy_matrix(t, g)

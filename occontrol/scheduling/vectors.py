@@ -16,6 +16,8 @@ from numba.extending import intrinsic, models, register_model
 WIDTH = 8
 FAST = {"contract", "nsz", "nnan", "reassoc"}
 OPTIONS = {"cache": True, "nogil": True, "fastmath": FAST, "error_model": "numpy"}
+# Arguments of `product` and `copy`: written as 0, True and False they would be literals, and each compiled by itself
+START, WHOLE, LOWER = np.int64(0), np.bool_(False), np.bool_(True)
 _FLAGS = ("contract", "nsz", "nnan")
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 
