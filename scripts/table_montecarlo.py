@@ -88,6 +88,7 @@ sensors:
 {chr(10).join(sensors)}
   - idle
 objective: {{output: [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0]]}}
+integrator: {{substeps: 4}}
 replan: {{every: 10}}
 """
 
@@ -95,7 +96,7 @@ replan: {{every: 10}}
 CASES = {
     "bearings": {f"{sd} m": lambda sd=sd: plane("bearings", sd) for sd in (2, 8, 16)},
     "ranges": {f"{sd} m": lambda sd=sd: plane("ranges", sd) for sd in (2, 8, 16)},
-    "orbit": {f"{sd} km": lambda sd=sd: orbit(sd) for sd in (1, 20, 100)},
+    "orbit": {f"{sd} km": lambda sd=sd: orbit(sd) for sd in (1, 5, 20)},
 }
 
 
@@ -117,7 +118,7 @@ def _case(name: str, prior: str, text: str, options: argparse.Namespace) -> None
         path = Path(home) / f"{name}.yaml"
         path.write_text(text, encoding="utf-8")
         problem = oc.read_problem(path)
-    began = time.perf_counter()
+    began = time.process_time()
     solution = oc.solve(problem)
     with workers(solution.problem, solution, options.jobs) as work:
         found = compare(solution.problem, solution, None, options.runs, 1, Monitor(), work, early=False)
@@ -127,7 +128,7 @@ def _case(name: str, prior: str, text: str, options: argparse.Namespace) -> None
     print(
         f"Planned {top.cost:.5g}, bound {rounded_down(top.lower_bound, 5)} (of the linearised problem); "
         f"nonlinearity: readings {index.get('readings', 0):.3g}, predictions {index.get('predictions', 0):.3g}. "
-        f"{found.runs} runs, {time.perf_counter() - began:.0f} s.\n"
+        f"{found.runs} runs, {time.process_time() - began:.0f} s.\n"
     )
     print("| policy | mean error | median | to nominal, 95 % | diverged | NEES | NIS | lost | ms a decision |")
     print("|---|---|---|---|---|---|---|---|---|")
@@ -135,8 +136,9 @@ def _case(name: str, prior: str, text: str, options: argparse.Namespace) -> None
         change = "-"
         if row.get("difference_error"):
             change = f"{row['difference']:+.4g} +- {1.96 * row['difference_error']:.2g}"
-        cells = [f"{row['mean']:.5g} +- {1.96 * row['standard_error']:.2g}", f"{row['median']:.5g}", change]
-        cells += [f"{row['diverged']:.2%}", *(f"{row[key]:.3g}" for key in ("nees", "nis", "lost", "milliseconds"))]
+        mean = "-" if row["standard_error"] is None else f"{row['mean']:.5g} +- {1.96 * row['standard_error']:.2g}"
+        cells = [mean, f"{row['median']:.5g}", change]
+        cells += [f"{row['diverged']:.2%}", *("-" if row[key] is None else f"{row[key]:.3g}" for key in ("nees", "nis", "lost", "milliseconds"))]
         print(f"| {policy} | " + " | ".join(cells) + " |", flush=True)
     print(f"\n{found.verdict}", flush=True)
 

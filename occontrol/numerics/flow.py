@@ -12,8 +12,9 @@ Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, sec
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -79,6 +80,12 @@ class Flow:
 
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
+
+    def kept(self, name: Hashable, make: Callable[[], Any]) -> Any:
+        """What `make` makes, once for every name; copies sent to other processes make their own."""
+        if name not in self._made:
+            self._made[name] = make()
+        return self._made[name]
 
     @property
     def step(self) -> CasadiFunction:

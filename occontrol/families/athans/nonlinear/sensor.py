@@ -114,6 +114,18 @@ class FormulaSensor(Compiled):
         formula = self.visible
         return self._kept("seen", lambda: self.plant.function("seen", [formula], (1, 1)))
 
+    def report(self) -> CasadiFunction:
+        """(x, t) -> h (m, 1), dh/dx (m, n), Theta (m, m), and a number above 0 where the sensor can be used."""
+        import casadi
+
+        def made() -> CasadiFunction:
+            x, t = casadi.SX.sym("x", len(self.plant.names)), casadi.SX.sym("t")
+            there = casadi.SX(1) if self.visible is None else self.seen()(x, t)  # type: ignore[misc]
+            parts = [self.values()(x, t), self.slope()(x, t), self.covariance()(x, t), there]
+            return casadi.Function("report", [x, t], parts)
+
+        return self._kept("report", made)
+
     def _kept(self, name: str, make) -> CasadiFunction:
         key = f"_function_{name}"
         if key not in self.__dict__:

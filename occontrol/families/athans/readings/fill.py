@@ -187,7 +187,7 @@ def balanced_recursion(recursion: Recursion) -> tuple[Recursion, StateUnits]:
     recursion : Recursion in the user's states
     """
     units = _units(recursion)
-    return _in_units(recursion, units), units
+    return in_units(recursion, units), units
 
 
 def _units(r: Recursion) -> StateUnits:
@@ -200,7 +200,14 @@ def _units(r: Recursion) -> StateUnits:
     return StateUnits(balancing(np.max(np.abs(r.transition), axis=0), driven, observed.reshape(n, n)))
 
 
-def _in_units(r: Recursion, units: StateUnits) -> Recursion:
+def in_units(r: Recursion, units: StateUnits) -> Recursion:
+    """The same recursion in other units of its states.
+
+    Parameters
+    ----------
+    r : Recursion in the user's states
+    units : StateUnits
+    """
     return replace(
         r,
         initial=units.covariance(r.initial),

@@ -15,12 +15,11 @@ import numpy as np
 from occontrol.core.errors import UsageError
 from occontrol.families.athans.nonlinear.index import Stages, stages
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
-from occontrol.families.athans.nonlinear.path import evaluate
 from occontrol.families.athans.readings.fill import terminal_weight
 from occontrol.families.athans.readings.filter import between
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.scope import require_traces
-from occontrol.numerics.flow import combined
+from occontrol.numerics.many_paths import Columns, across
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +125,7 @@ class NonlinearChain:
         origin = self.stages.origin
         self.flow = origin.plant.flow
         self.sensors = [origin.sensors.get(s.name) for s in problem.sensors]
+        self._reports: dict[int, Columns] = {}
         self.last = problem.readings + (0 if problem.discrete and problem.at == "posterior" else 1)
 
     @cached_property
@@ -135,22 +135,8 @@ class NonlinearChain:
 
     def span(self, i: int, states: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Where B `states` (B, n) are after span i, with F and Q (B, n, n)."""
-        B, n = states.shape
         length = float(self.stages.lengths[i]) if i < self.last else 0.0
-        if length == 0:
-            return states, np.broadcast_to(np.eye(n), (B, n, n)), np.zeros((B, n, n))
-        flow, since = self.flow, float(self.stages.since[i])
-        count = 1 if flow.discrete else 2 * self.stages.substeps
-        times, h = since + length * np.arange(count + 1) / count, np.full(B, length / count)
-        halves, nodes = [], [states]
-        for t in times[:-1]:
-            end, slope = flow.step(nodes[-1].T, np.full((1, B), t), h[None])
-            nodes.append(np.array(end).T)
-            halves.append(np.swapaxes(np.array(slope).T.reshape(B, n, n), 1, 2))
-        at = list(zip(nodes[:1] if flow.discrete else nodes, times, strict=False))
-        Xi = np.stack([flow.intensities(x, np.full(B, t)) for x, t in at], axis=1)
-        F, Q = combined(np.stack(halves, axis=1), Xi, np.full(B, length))
-        return nodes[-1], F, Q
+        return across(self.flow, states, float(self.stages.since[i]), length, self.stages.substeps)
 
     def seen(self, i: int, j: int, states: np.ndarray) -> Seen:
         """What sensor j reports of `states` (B, n) at reading i."""
@@ -158,11 +144,13 @@ class NonlinearChain:
         if sensor is None:
             n = states.shape[1]
             return Seen(np.zeros((B, 0)), np.zeros((B, 0, n)), np.zeros((B, 0, 0)), np.ones(B, dtype=bool))
-        t = np.full(B, float(self.stages.times[i]))
-        visible = sensor.seen()
-        there = np.ones(B, dtype=bool) if visible is None else evaluate(visible, states, t)[:, 0, 0] > 0
-        value = evaluate(sensor.values(), states, t)[:, :, 0]
-        return Seen(value, evaluate(sensor.slope(), states, t), evaluate(sensor.covariance(), states, t), there)
+        n, m = states.shape[1], sensor.rows
+        if j not in self._reports:
+            self._reports[j] = Columns(sensor.report())
+        t = np.full((B, 1), float(self.stages.times[i]))
+        value, slope, noise, there = self._reports[j](states, t)
+        slope = np.swapaxes(slope.reshape(B, n, m), 1, 2)
+        return Seen(value, slope, np.swapaxes(noise.reshape(B, m, m), 1, 2), there[:, 0] > 0)
 
     def angles(self, j: int) -> np.ndarray:
         """(m,) which values of sensor j are angles."""

@@ -22,7 +22,7 @@ from occontrol.families.athans.readings.filter import weights_on
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.replanning import policies as kinds
 from occontrol.families.athans.replanning.chain import LinearChain, NonlinearChain, chain_of
-from occontrol.families.athans.replanning.runs import Charges, Outcomes, luck_of, run
+from occontrol.families.athans.replanning.runs import Charges, Outcomes, Truths, luck_of, run
 from occontrol.families.family import Work
 
 POLICIES = ("nominal", "replanned", "greedy", "greedy-information", "round-robin", "best-single", "random")
@@ -44,8 +44,8 @@ class Comparison(ResultData):
     seed : of all of them
     verdict : in words
     decided : whether it ended before all runs were made
-    policies : {name: {mean, median, standard_error, diverged, nees, nis, cost, lost, milliseconds, difference,
-        difference_error, readings}}
+    policies : {name: {mean, median, standard_error, diverged, nees, nis, cost, lost, readings, late, milliseconds,
+        difference, difference_error}}; `late` is the share of new plans that came after the deadline
     """
 
     name: str
@@ -126,11 +126,11 @@ def simulated(
     if solution.schedule is None:
         raise SolveFailed("the solution has no schedule to fly")
     nominal = weights_on(problem, solution.schedule)
-    luck, charges = luck_of(chain, seeds), Charges(chain)
+    truths, charges = Truths(chain, luck_of(chain, seeds)), Charges(chain)
     found, times = {}, {}
     for name in names:
         policy = make_policy(name, problem, chain, nominal)
-        found[name] = run(chain, policy, luck, charges)
+        found[name] = run(chain, policy, truths, charges)
         times[name] = policy.milliseconds
     return found, times
 
@@ -234,6 +234,7 @@ def _numbers(own: Outcomes, nominal: Outcomes | None, milliseconds: list[float])
         "cost": float(np.mean(own.cost[finite])) if len(error) else None,
         "lost": float(np.mean(own.lost)),
         "readings": float(np.mean(own.readings)),
+        "late": float(np.sum(own.late) / np.sum(own.plans)) if np.any(own.plans) else None,
         "milliseconds": float(np.median(milliseconds)) if milliseconds else 0.0,
     }
     if nominal is not None and nominal is not own:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -62,6 +63,7 @@ class Watch:
         return bool(total > limit(int(values)))
 
 
+@cache
 def limit(values: int) -> float:
     """What the sum of so many squared normal numbers stays below but once in ten thousand times."""
     from scipy.stats import chi2
@@ -162,6 +164,7 @@ class ReplanningLoop:
             made = self.planner.plan(k, self.mean[0], self.covariance[0], self.weights, self.shares)
         except ProblemError:  # the path from a wrong estimate may leave the numbers: the old plan goes on
             return None
+        self.shares = made.relaxed
         if not made.late:
             self.weights[k:] = made.weights
         return made

@@ -17,7 +17,7 @@ from occontrol.families.athans.methods import RelaxRoundPolish
 from occontrol.families.athans.nonlinear.nominal import spans_of
 from occontrol.families.athans.nonlinear.path import evaluate
 from occontrol.families.athans.readings.budgets import with_budget
-from occontrol.families.athans.readings.fill import balanced_recursion, feasible_set, fill
+from occontrol.families.athans.readings.fill import feasible_set, fill, in_units
 from occontrol.families.athans.replanning.chain import LinearChain, NonlinearChain
 from occontrol.numerics.flow import Spans, charges
 from occontrol.numerics.linalg import whiten
@@ -42,7 +42,7 @@ class Replan:
     ----------
     k : the first reading that it plans
     weights : (N-k, M) of every reading; after a receding horizon those of the old plan
-    relaxed : (E', M) shares of the decisions planned, the start of the next plan
+    relaxed : (E, M) shares of all decisions, the start of the next plan
     cost, lower_bound : of the linearised rest, in cost units
     seconds : it took
     late : whether the deadline passed: the old plan goes on
@@ -123,10 +123,11 @@ class Planner:
         cost = sweep.cost(best)
         seconds = time.perf_counter() - began
         late = self.deadline is not None and seconds > self.deadline
-        weights = old[k:].copy()
+        weights, whole = old[k:].copy(), old_shares.copy()
+        whole[first:end] = relaxed
         if not late:
             weights[: last - k] = best[self.owner[k:last] - first]
-        return Replan(k, weights, relaxed, float(cost), float(bound), seconds, late)
+        return Replan(k, weights, whole, float(cost), float(bound), seconds, late)
 
     def _searched(
         self, sweep: Sweep, allowed: FeasibleSet, start: np.ndarray, before: np.ndarray, monitor: Monitor
@@ -224,7 +225,7 @@ class Planner:
             available=upper,
             **parts,
         )
-        return balanced_recursion(recursion)[0], upper
+        return in_units(recursion, self.full.units), upper
 
     def _spans(self, mean: np.ndarray, k: int) -> Spans:
         """The spans after reading k, along the path from `mean` (n,) there."""

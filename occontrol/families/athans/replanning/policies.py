@@ -17,9 +17,15 @@ Chain = LinearChain | NonlinearChain
 
 
 class Policy(Protocol):
-    """Chooses the sensors of every run."""
+    """Chooses the sensors of every run.
+
+    `milliseconds` of the processor are those of its decisions, for one run; `plans` and `late` (B,) count the new plans
+    of the batch's runs, and those that the deadline has cut off.
+    """
 
     milliseconds: list[float]
+    plans: np.ndarray
+    late: np.ndarray
 
     def begin(self, runs: int, luck: np.ndarray) -> None:
         """A batch of `runs` begins; `luck` (B, N, M) are numbers between 0 and 1 that belong to the runs."""
@@ -48,6 +54,7 @@ class Scheduled:
     def begin(self, runs: int, luck: np.ndarray) -> None:
         """A batch begins; chance, `luck` (B, N, M), has no part in it."""
         self.runs = runs
+        self.plans = self.late = np.zeros(runs)
 
     def choose(self, i: int, mean: np.ndarray, covariance: np.ndarray, lost: np.ndarray) -> np.ndarray:
         """(B, M) what the schedule says; `mean` (B, n), `covariance` (B, n, n), `lost` (B,) do not matter."""
@@ -74,13 +81,14 @@ class Choosing:
     def begin(self, runs: int, luck: np.ndarray) -> None:
         """A batch begins with its `luck` (B, N, M)."""
         self.luck = luck
+        self.plans = self.late = np.zeros(runs)
         self.kept = np.zeros((runs, len(self.chain.rows)), dtype=bool)
 
     def choose(self, i: int, mean: np.ndarray, covariance: np.ndarray, lost: np.ndarray) -> np.ndarray:
         """(B, M) the sensors of largest value; `mean` (B, n), `covariance` (B, n, n), `lost` (B,)."""
         if i and self.owner[i] == self.owner[i - 1]:
             return self.kept
-        began = time.perf_counter()
+        began = time.process_time()
         B, problem = len(mean), self.chain.problem
         self.kept = np.zeros((B, len(self.chain.rows)), dtype=bool)
         open_ = self._open(i, mean)
@@ -89,7 +97,7 @@ class Choosing:
             best = np.argmax(worth, axis=1)
             there = np.isfinite(worth[np.arange(B), best])
             self.kept[np.flatnonzero(there), best[there]] = True
-        self.milliseconds.append(1e3 * (time.perf_counter() - began) / B)
+        self.milliseconds.append(1e3 * (time.process_time() - began) / B)
         return self.kept
 
     def worth(self, i: int, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -179,11 +187,12 @@ class Replanned:
         self.chain, self.first, self.options = chain, weights, options
         self.planner = Planner(chain, options.gap, options.horizon, options.deadline)
         self.milliseconds: list[float] = []
-        self.late = 0
 
     def begin(self, runs: int, luck: np.ndarray) -> None:
         """A batch begins; chance, `luck` (B, N, M), has no part in it."""
         self.weights = np.tile(self.first, (runs, 1, 1))
+        self.shares: list[np.ndarray | None] = [None] * runs
+        self.plans, self.late = np.zeros(runs), np.zeros(runs)
 
     def choose(self, i: int, mean: np.ndarray, covariance: np.ndarray, lost: np.ndarray) -> np.ndarray:
         """(B, M) what the latest plan of every run says, after new plans where they are due.
@@ -197,12 +206,15 @@ class Replanned:
         return self.weights[:, i] > 0.5
 
     def _plan(self, b: int, i: int, mean: np.ndarray, covariance: np.ndarray) -> None:
+        began = time.process_time()
         try:
-            made = self.planner.plan(i, mean, covariance, self.weights[b])
+            made = self.planner.plan(i, mean, covariance, self.weights[b], self.shares[b])
         except ProblemError:  # the path from a wrong estimate may leave the numbers
             return
-        self.milliseconds.append(1e3 * made.seconds)
-        self.late += made.late
+        self.milliseconds.append(1e3 * (time.process_time() - began))
+        self.plans[b] += 1
+        self.late[b] += made.late
+        self.shares[b] = made.relaxed
         if not made.late:
             self.weights[b, i:] = made.weights
 

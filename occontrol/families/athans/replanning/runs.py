@@ -74,6 +74,7 @@ class Outcomes:
     nis : (B,) mean of the normalised innovation squared per value
     lost : (B,) readings that brought nothing
     readings : (B,) that brought something
+    plans, late : (B,) new plans, and those of them that the deadline has cut off
     """
 
     error: np.ndarray
@@ -82,6 +83,8 @@ class Outcomes:
     nis: np.ndarray
     lost: np.ndarray
     readings: np.ndarray
+    plans: np.ndarray
+    late: np.ndarray
 
     @property
     def cost(self) -> np.ndarray:
@@ -118,31 +121,61 @@ class Charges:
         return share * squared(error, self.matrices[self.which[i]])
 
 
-def run(chain: LinearChain | NonlinearChain, policy: Policy, luck: Luck, charges: Charges) -> Outcomes:
+class Truths:
+    """What really happens in B runs, whoever chooses the sensors: states, and the readings that there would be.
+
+    Parameters
+    ----------
+    chain : of the problem
+    luck : of the runs
+    """
+
+    def __init__(self, chain: LinearChain | NonlinearChain, luck: Luck):
+        self.chain, self.luck = chain, luck
+        B, plant, N = len(luck.start), chain.problem.plant, chain.problem.readings
+        root = square_root((plant.covariance + plant.covariance.T) / 2, floor=0.0)
+        mean = np.tile(np.asarray(plant.mean, dtype=float), (B, 1))
+        truth = mean + product(np.broadcast_to(root, (B, *root.shape)), luck.start)
+        self.states = np.empty((N + 1, *truth.shape))
+        for i in range(N + 1):
+            end, _, Q = chain.span(i, truth)
+            truth = self.states[i] = end + product(square_root(np.ascontiguousarray(Q), floor=0.0), luck.spans[:, i])
+        self.output = chain.output(truth)
+        self._offsets = np.cumsum([0, *chain.rows])
+        self._known: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
+
+    def reading(self, i: int, j: int) -> tuple[np.ndarray, np.ndarray]:
+        """What sensor j reports at reading i of every run, (B, m), and whether it sees the state, (B,)."""
+        if (i, j) not in self._known:
+            real = self.chain.seen(i, j, self.states[i])
+            noise = self.luck.readings[:, i, self._offsets[j] : self._offsets[j + 1]]
+            z = real.value + product(square_root(real.noise, floor=0.0), noise)
+            self._known[i, j] = z, real.visible & np.all(np.isfinite(z), axis=1)
+        return self._known[i, j]
+
+
+def run(chain: LinearChain | NonlinearChain, policy: Policy, truths: Truths, charges: Charges) -> Outcomes:
     """Runs of one policy, one for each piece of luck.
 
     Parameters
     ----------
     chain : of the problem
     policy : what chooses
-    luck : of the runs
+    truths : of the runs
     charges : of the problem
     """
-    problem, B = chain.problem, len(luck.start)
-    N, n = problem.readings, problem.states
+    problem, B = chain.problem, len(truths.output)
+    N, measuring = problem.readings, np.array(chain.rows) > 0
     mean = np.tile(np.asarray(problem.plant.mean, dtype=float), (B, 1))
     covariance = np.tile((problem.plant.covariance + problem.plant.covariance.T) / 2, (B, 1, 1))
-    root = square_root(covariance[0], floor=0.0)
-    truth = mean + product(np.broadcast_to(root, (B, n, n)), luck.start)
     prices = np.column_stack([s.cost.sample(problem.clock.times)[:, 0, 0] for s in problem.sensors])
-    offsets = np.cumsum([0, *chain.rows])
     watch = watches(B)
     error, price, nees = np.zeros(B), np.zeros(B), np.zeros(B)
     nis, values, lost, taken = np.zeros(B), np.zeros(B), np.zeros(B), np.zeros(B)
     gone = np.zeros(B, dtype=bool)
-    policy.begin(B, luck.choices)
+    policy.begin(B, truths.luck.choices)
     for i in range(N):
-        truth = _moved(chain, i, truth, luck)
+        truth = truths.states[i]
         mean, F, Q = chain.span(i, mean)
         covariance = predicted(covariance, F, Q)
         gone |= _beyond(mean, covariance)
@@ -150,13 +183,11 @@ def run(chain: LinearChain | NonlinearChain, policy: Policy, luck: Luck, charges
         error += charges.at(i, truth - mean, after=False)
         chosen = policy.choose(i, mean, covariance, np.array([w.diverging for w in watch]))
         own, count = np.zeros(B), np.zeros(B)
-        for j in np.flatnonzero(np.any(chosen, axis=0) & (np.array(chain.rows) > 0)).tolist():
+        for j in np.flatnonzero(np.any(chosen, axis=0) & measuring).tolist():
             used = np.flatnonzero(chosen[:, j])
             price[used] += problem.cost_weight * prices[i, j]
-            real = chain.seen(i, j, truth[used])
-            noise = luck.readings[used, i, offsets[j] : offsets[j + 1]]
-            z = real.value + product(square_root(real.noise, floor=0.0), noise)
-            there = real.visible & ~gone[used] & np.all(np.isfinite(z), axis=1)
+            z, there = (part[used] for part in truths.reading(i, j))
+            there = there & ~gone[used]
             lost[used[~there]] += 1
             used, z = used[there], z[there]
             if len(used):
@@ -172,19 +203,13 @@ def run(chain: LinearChain | NonlinearChain, policy: Policy, luck: Luck, charges
         mean, covariance = _kept(gone, mean, covariance)
         error += charges.at(i, truth - mean, after=True)
         nees += np.where(gone, np.inf, normalised(truth - mean, covariance))
-    truth = _moved(chain, N, truth, luck)
     mean, _, _ = chain.span(N, mean)
-    miss = chain.output(truth) - chain.output(mean)
+    miss = truths.output - chain.output(mean)
     error += np.sum(miss * miss, axis=1) + charges.constant
     error = np.where(gone | ~np.isfinite(error), np.inf, error)
     with np.errstate(invalid="ignore", divide="ignore"):
         per_value = np.where(values > 0, nis / np.maximum(values, 1), np.nan)
-    return Outcomes(error, price, nees / max(N, 1), per_value, lost, taken)
-
-
-def _moved(chain: LinearChain | NonlinearChain, i: int, truth: np.ndarray, luck: Luck) -> np.ndarray:
-    end, _, Q = chain.span(i, truth)
-    return end + product(square_root(np.ascontiguousarray(Q), floor=0.0), luck.spans[:, i])
+    return Outcomes(error, price, nees / max(N, 1), per_value, lost, taken, policy.plans, policy.late)
 
 
 def _beyond(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:

@@ -150,7 +150,8 @@ def test_the_horizon_of_a_plan_recedes(tmp_path: Path) -> None:
     weights = weights_on(problem, solution.schedule)
     mean, P = np.zeros(2), np.diag([5.0, 1.0])
     made = Planner(chain_of(problem), horizon=3).plan(2, mean, P, weights)
-    assert made.relaxed.shape[0] == 3 and made.weights.shape == (8, 3)
+    assert made.weights.shape == (8, 3)
+    np.testing.assert_array_equal(np.delete(made.relaxed, [2, 3, 4], axis=0), np.delete(weights, [2, 3, 4], axis=0))
     np.testing.assert_array_equal(made.weights[3:], weights[5:])
 
 
