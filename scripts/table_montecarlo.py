@@ -138,7 +138,8 @@ def _case(name: str, prior: str, text: str, options: argparse.Namespace) -> None
             change = f"{row['difference']:+.4g} +- {1.96 * row['difference_error']:.2g}"
         mean = "-" if row["standard_error"] is None else f"{row['mean']:.5g} +- {1.96 * row['standard_error']:.2g}"
         cells = [mean, f"{row['median']:.5g}", change]
-        cells += [f"{row['diverged']:.2%}", *("-" if row[key] is None else f"{row[key]:.3g}" for key in ("nees", "nis", "lost", "milliseconds"))]
+        rest = [row[key] for key in ("nees", "nis", "lost", "milliseconds")]
+        cells += [f"{row['diverged']:.2%}", *("-" if value is None else f"{value:.3g}" for value in rest)]
         print(f"| {policy} | " + " | ".join(cells) + " |", flush=True)
     print(f"\n{found.verdict}", flush=True)
 

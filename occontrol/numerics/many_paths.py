@@ -49,9 +49,9 @@ class Columns:
             _, buffer, run = self._made[B]
             given = [np.ascontiguousarray(a, dtype=float) for a in arguments]  # alive until the call is over
             for i, values in enumerate(given):
-                buffer.set_arg(i, memoryview(values))
+                buffer.set_arg(i, values.data)
             for i, values in enumerate(found):
-                buffer.set_res(i, memoryview(values))
+                buffer.set_res(i, values.data)
             run()
         return found
 

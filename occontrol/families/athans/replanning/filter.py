@@ -1,7 +1,7 @@
 """One step of the (extended) Kalman filter for many runs at once; covariances by Joseph's form.
 
-    P- = F P F' + Q,   S = H P- H' + R,   K = P- H' S^-1,   x+ = x + K (z - h(x)),
-    P+ = (I - K H) P- (I - K H)' + K R K'
+P- = F P F' + Q,   S = H P- H' + R,   K = P- H' S^-1,   x+ = x + K (z - h(x)),
+P+ = (I - K H) P- (I - K H)' + K R K'
 """
 
 from __future__ import annotations

@@ -270,4 +270,3 @@ def _verdict(table: PlainDict, done: int, runs: int, decided: bool) -> str:
         said.append(f"{name}: {text}")
     ended = f"decided after {done} runs" if decided else f"{done} runs"
     return f"{ended}. " + ("; ".join(said) + "." if said else "")
-

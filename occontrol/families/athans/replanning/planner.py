@@ -146,9 +146,7 @@ class Planner:
     def _by_decision(self, weights: np.ndarray) -> np.ndarray:
         return weights[np.flatnonzero(np.diff(self.owner, prepend=-1))]
 
-    def _allowed(
-        self, upper: np.ndarray, old: np.ndarray, k: int, last: int, first: int, end: int
-    ) -> FeasibleSet:
+    def _allowed(self, upper: np.ndarray, old: np.ndarray, k: int, last: int, first: int, end: int) -> FeasibleSet:
         """The set of the decisions `first` .. `end` - 1, less what is spent of a budget."""
         names = tuple(self.problem.sensors.names)
         places = self.problem.places
@@ -162,9 +160,7 @@ class Planner:
             rest[name] = max(0, int(count) - spent - later)
         return BudgetSet(upper, places, None, names, budget=rest)
 
-    def _rest(
-        self, k: int, last: int, mean: np.ndarray, covariance: np.ndarray
-    ) -> tuple[Recursion, np.ndarray]:
+    def _rest(self, k: int, last: int, mean: np.ndarray, covariance: np.ndarray) -> tuple[Recursion, np.ndarray]:
         """The recursion of readings k .. last - 1 from an estimate, and what is open (E', M)."""
         full, units = self.full.recursion, self.full.units
         n, first, end = full.states, int(self.owner[k]), int(self.owner[last - 1]) + 1
@@ -284,4 +280,3 @@ class Planner:
 def usable(mean: np.ndarray, covariance: np.ndarray) -> bool:
     """Whether an estimate, `mean` (n,), and its `covariance` (n, n) are numbers that one can plan from."""
     return bool(np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance)))
-
