@@ -14,11 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
 from occontrol.core.kinds import Casadi, CasadiFunction
+
+
+Made = TypeVar("Made")
 
 
 def runge_kutta(right: Callable[[Casadi, Casadi], Casadi], x: Casadi, t: Casadi, h: Casadi | float) -> Casadi:
@@ -81,7 +84,7 @@ class Flow:
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
 
-    def kept(self, name: Hashable, make: Callable[[], Any]) -> Any:
+    def kept(self, name: Hashable, make: Callable[[], Made]) -> Made:
         """What `make` makes, once for every name; copies sent to other processes make their own."""
         if name not in self._made:
             self._made[name] = make()
