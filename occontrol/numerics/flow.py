@@ -20,7 +20,6 @@ import numpy as np
 
 from occontrol.core.kinds import Casadi, CasadiFunction
 
-
 Made = TypeVar("Made")
 
 
