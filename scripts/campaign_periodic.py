@@ -24,7 +24,7 @@ def main() -> int:
     """Run the campaign; 1 where a bound lies above a cycle."""
     from occontrol.core.monitor import Monitor
     from occontrol.scheduling.periodic.averaged import averaged_steps
-    from occontrol.scheduling.periodic.certificate import TreeProof, checked_bound, faults, words_array
+    from occontrol.scheduling.periodic.certificate import checked_bound, faults
     from occontrol.scheduling.periodic.cycles import free, search
     from occontrol.scheduling.periodic.letters import smallest_covariance
     from occontrol.scheduling.periodic.potential import potentials
@@ -55,10 +55,7 @@ def main() -> int:
         averaged = averaged_steps(scaled)
         tree = ProofTree(scaled, potentials(scaled, found)["harmonic mean of the cycle"], found.cost)
         tree.grow(found.cost * (1 - 1e-4), asked.nodes, Monitor())
-        leaves, inverse = tree.leaves(), np.linalg.inv(root)
-        points = np.array([inverse.T @ leaf.point @ inverse for leaf in leaves])
-        Z = root @ tree.potential @ root.T
-        proof = TreeProof(words_array([leaf.word for leaf in leaves]), points, (Z + Z.T) / 2)
+        proof = tree.proof(root)
         checked = checked_bound(proof, letters, smallest)
         best = min(found.cost, plain)
         if faults(proof, letters) or max(averaged.lower_bound, tree.bound, checked) > best:

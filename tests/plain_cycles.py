@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from occontrol.scheduling.periodic.letters import Letters
+from occontrol.scheduling.periodic.letters import Letters, smallest_covariance
 
 
 def discrete(F, Q, H, R, weight, prices=None, at="prior") -> Letters:
@@ -85,3 +85,9 @@ def best_by_counting(letters: Letters, longest: int) -> tuple[float, tuple[int, 
                 if cost < best[0] - 1e-11:
                     best = (cost, word)
     return best
+
+
+def in_units(letters: Letters) -> tuple[Letters, np.ndarray]:
+    """The letters in units in which the smallest covariance is the identity, and its root."""
+    root = np.linalg.cholesky(smallest_covariance(letters.F[0], letters.Q[0], np.sum(letters.L, axis=0)))
+    return letters.in_units(root), root

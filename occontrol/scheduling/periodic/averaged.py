@@ -18,6 +18,7 @@ import numpy as np
 from occontrol.core.errors import InfeasibleError
 from occontrol.numerics.linalg import symmetrise
 from occontrol.scheduling.periodic.letters import Letters
+from occontrol.scheduling.periodic.phases import Phases, always
 
 LEAST = 1e-9  # share that a step of the search leaves to every letter
 ROUNDS = 40  # of the exchange of shares after the search
@@ -47,12 +48,13 @@ class Averaged:
 Evaluated = tuple[float, np.ndarray, np.ndarray, np.ndarray]  # f, gradient (A,), covariance, potential
 
 
-def averaged_steps(letters: Letters) -> Averaged:
+def averaged_steps(letters: Letters, phases: Phases | None = None) -> Averaged:
     """The averaged optimum of letters that share their plant.
 
     Parameters
     ----------
     letters : in units in which the smallest covariance is the identity
+    phases : which letters there are at which step; None is all of them always
 
     Raises InfeasibleError where no shares keep the covariance bounded.
     """
@@ -81,11 +83,16 @@ def averaged_steps(letters: Letters) -> Averaged:
             gradient -= np.einsum("ij,aij->a", X @ m @ X, letters.seen[:, i])
         return value, gradient, S, symmetrise(S @ P @ S)
 
-    return _minimise(evaluate, letters.count)
+    return _minimise(evaluate, phases or always(letters.count))
 
 
 def averaged_flow(
-    A: np.ndarray, noise: np.ndarray, gains: np.ndarray, running: np.ndarray, prices: np.ndarray
+    A: np.ndarray,
+    noise: np.ndarray,
+    gains: np.ndarray,
+    running: np.ndarray,
+    prices: np.ndarray,
+    phases: Phases | None = None,
 ) -> Averaged:
     """The averaged optimum in continuous time: A S + S A' + Xi - S L(v) S = 0, f = tr(R S) + q.v.
 
@@ -94,6 +101,7 @@ def averaged_flow(
     A, noise, running : (n, n) of the plant, Xi and R
     gains : (A, n, n) information rates of the letters
     prices : (A,) their price rates
+    phases : which letters there are in which step; None is all of them always
 
     Raises InfeasibleError where no shares keep the covariance bounded.
     """
@@ -114,7 +122,7 @@ def averaged_flow(
         value = float(np.vdot(running, S) + v @ prices)
         return value, prices - np.einsum("ij,aij->a", S @ P @ S, gains), S, symmetrise(S @ P @ S)
 
-    return _minimise(evaluate, len(gains))
+    return _minimise(evaluate, phases or always(len(gains)))
 
 
 def steady_costate(closed: np.ndarray, charged: np.ndarray) -> np.ndarray:
@@ -135,56 +143,69 @@ def steady_costate(closed: np.ndarray, charged: np.ndarray) -> np.ndarray:
     return P
 
 
-def _minimise(evaluate: Callable[[np.ndarray], Evaluated | None], count: int) -> Averaged:
-    """The best of what a search over the simplex has seen, with the best certificate."""
+def _minimise(evaluate: Callable[[np.ndarray], Evaluated | None], phases: Phases) -> Averaged:
+    """The best of what a search over the shares of every phase has seen, with the best certificate.
+
+    Phases with the same letters have the same shares (f is convex): x (C, A) of C patterns, v = sum_c times_c x_c.
+    """
     from scipy.optimize import minimize
 
-    best: list = [None, -np.inf]  # (f, v, S, Z) of the least f, the bound
+    opened, times = phases.patterns
+    place = np.flatnonzero(opened)
+    best: list = [None, -np.inf]  # (f, x, S, Z, g) of the least f, the bound
 
-    def look(v: np.ndarray) -> Evaluated | None:
-        v = np.maximum(v, 0.0)
-        v = v / np.sum(v)
+    def spread(entries: np.ndarray) -> np.ndarray:
+        x = np.zeros(opened.shape)
+        x.flat[place] = np.maximum(entries, 0.0)
+        return x / np.sum(x, axis=1, keepdims=True)
+
+    def look(x: np.ndarray) -> Evaluated | None:
+        v = times @ x
         found = evaluate(v)
         if found is None or not np.isfinite(found[0]):
             return None
         f, g, S, Z = found
-        gap = float(g @ v - np.min(g))
+        gap = float(g @ v - times @ np.min(np.where(opened, g, np.inf), axis=1))
         best[1] = max(best[1], f - gap - ALLOWANCE * (abs(f) + float(np.abs(g) @ v)))
         if best[0] is None or f < best[0][0]:
-            best[0] = (f, v, S, Z, g)
+            best[0] = (f, x, S, Z, g)
         return f, g, S, Z
 
-    start = np.full(count, 1.0 / count)
+    start = spread(np.ones(len(place)))
     if look(start) is None:
         raise InfeasibleError("no shares of the sensors keep the covariance bounded for ever")
-    if count > 1:
-        scale = abs(best[0][0]) or 1.0
+    if np.any(np.sum(opened, axis=1) > 1):
+        scale, rows, columns = abs(best[0][0]) or 1.0, *np.nonzero(opened)
+        sums = (rows == np.arange(len(opened))[:, None]).astype(float)
 
-        def objective(v: np.ndarray) -> tuple[float, np.ndarray]:
-            found = look(v)
-            return (1e6, np.zeros(count)) if found is None else (found[0] / scale, found[1] / scale)
+        def objective(entries: np.ndarray) -> tuple[float, np.ndarray]:
+            found = look(spread(entries))
+            if found is None:
+                return 1e6, np.zeros(len(place))
+            return found[0] / scale, times[rows] * found[1][columns] / scale
 
         minimize(
-            objective, start, jac=True, method="SLSQP", bounds=[(LEAST, 1.0)] * count,
-            constraints=[{"type": "eq", "fun": lambda v: np.sum(v) - 1.0, "jac": lambda v: np.ones(count)}],
+            objective, start.flat[place], jac=True, method="SLSQP", bounds=[(LEAST, 1.0)] * len(place),
+            constraints=[{"type": "eq", "fun": lambda e: sums @ e - 1.0, "jac": lambda e: sums}],
             options={"ftol": 1e-15, "maxiter": 200},
         )  # fmt: skip
-        _exchange(look, best)
-    f, v, S, Z, _ = best[0]
-    return Averaged(min(best[1], f), f, v, S, Z)
+        _exchange(look, best, opened)
+    f, x, S, Z, _ = best[0]
+    return Averaged(min(best[1], f), f, times @ x, S, Z)
 
 
-def _exchange(look: Callable[[np.ndarray], Evaluated | None], best: list) -> None:
+def _exchange(look: Callable[[np.ndarray], Evaluated | None], best: list, opened: np.ndarray) -> None:
     """Move shares from the worst letter in use to the best one, by halved steps, until that gains nothing."""
-    step = 0.5
+    step, rows = 0.5, np.arange(len(opened))
     for _ in range(ROUNDS):
-        f, v, _, _, g = best[0]
+        f, x, _, _, g = best[0]
         if f - best[1] <= 1e-10 * abs(f):
             return
-        to = int(np.argmin(g))
-        of = int(np.argmax(np.where(v > 0, g, -np.inf)))
-        w = v.copy()
-        w[of] -= step * v[of]
-        w[to] += step * v[of]
+        to = np.argmin(np.where(opened, g, np.inf), axis=1)
+        of = np.argmax(np.where(x > 0, g, -np.inf), axis=1)
+        w = x.copy()
+        moved = step * x[rows, of]
+        w[rows, of] -= moved
+        w[rows, to] += moved
         if (found := look(w)) is None or found[0] >= f:
             step /= 2

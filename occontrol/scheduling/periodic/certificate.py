@@ -2,7 +2,8 @@
 
 Everything is in prior information Y instead of covariances, in the units of the problem, for all leaves at once:
     Y' = (F (Y + L)^-1 F' + Q)^-1,   dY' = N dY N',   N = Y' F (Y + L)^-1
-and a leaf's bound is the tangent at its matrix, minimised over 0 <= Y <= Y_max.
+and a leaf's bound is the tangent at its matrix, minimised over 0 <= Y <= Y_max. Where windows repeat there are a
+potential and a prefix code for every phase; otherwise there is one phase.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.scheduling.periodic.letters import Letters
+from occontrol.scheduling.periodic.phases import Phases, always
 
 ROUNDING = 1e-15  # of what is added up, for every state
 WHOLE = 1e-9  # eigenvalues of a potential below this share of the largest are rounding
@@ -26,12 +28,14 @@ class TreeProof:
     ----------
     words : (K, D) letters of the leaves, filled up with -1
     points : (K, n, n) a prior information for each
-    potential : (n, n) Z
+    potential : (P, n, n) Z of every phase
+    starts : (K,) phase in which each leaf begins
     """
 
     words: np.ndarray
     points: np.ndarray
     potential: np.ndarray
+    starts: np.ndarray
 
 
 def words_array(words: Sequence[Sequence[int]]) -> np.ndarray:
@@ -42,49 +46,63 @@ def words_array(words: Sequence[Sequence[int]]) -> np.ndarray:
     return array
 
 
-def faults(proof: TreeProof, letters: Letters) -> list[str]:
+def faults(proof: TreeProof, letters: Letters, phases: Phases | None = None) -> list[str]:
     """What is wrong with the form of a proof: words that are no complete prefix code, a potential that is none.
 
     Parameters
     ----------
     proof : TreeProof
     letters : of the problem
+    phases : which letters there are at which step; None is all of them always
     """
     words, points, Z, n = proof.words, proof.points, proof.potential, letters.states
-    if words.ndim != 2 or points.shape != (len(words), n, n) or Z.shape != (n, n) or not len(words):
+    phases = phases or always(letters.count)
+    P, starts = phases.count, proof.starts
+    sizes = points.shape == (len(words), n, n) and Z.shape == (P, n, n) and starts.shape == (len(words),)
+    if words.ndim != 2 or not len(words) or not sizes:
         return ["the tree of the proof has the wrong sizes"]
+    if not np.all(np.isin(starts, np.arange(P))):
+        return ["a word of the proof begins at a phase that there is not"]
     if not (np.all(np.isfinite(points)) and np.all(np.isfinite(Z)) and np.array_equal(words, np.rint(words))):
         return ["the tree of the proof holds what is no number"]
     if np.any(words < -1) or np.any(words >= letters.count):
         return ["a word of the proof has a letter that there is not"]
     found = []
-    if not _complete(words.astype(np.int64), letters.count):
+    if not all(_complete(words[starts == k].astype(np.int64), k, phases) for k in range(P)):
         found.append("the words of the proof do not stand for all schedules: they are no complete prefix code")
-    if not np.array_equal(Z, Z.T) or np.min(np.linalg.eigvalsh(Z)) < -WHOLE * np.max(np.abs(Z)):
-        found.append("the potential of the proof is not positive semidefinite")
+    for z in Z:
+        if not np.array_equal(z, z.T) or np.min(np.linalg.eigvalsh(z)) < -WHOLE * np.max(np.abs(z)):
+            found.append("the potential of the proof is not positive semidefinite")
+            break
     return found
 
 
-def _complete(words: np.ndarray, count: int) -> bool:
-    """Whether the words are exactly the leaves of a tree in which every inner node has all its children."""
+def _complete(words: np.ndarray, start: int, phases: Phases) -> bool:
+    """Whether the words are exactly the leaves of a tree in which every inner node has all children of its phase."""
     listed = sorted(tuple(int(a) for a in word[word >= 0]) for word in words)
     lengths = np.sum(words >= 0, axis=1)
-    if any(np.any(word[length:] >= 0) for word, length in zip(words, lengths, strict=True)) or min(lengths) == 0:
+    if not len(words) or min(lengths) == 0:
+        return False
+    if any(np.any(word[length:] >= 0) for word, length in zip(words, lengths, strict=True)):
         return False
     # in the order of the alphabet each leaf is followed by the next one that a counter would give
     word: list[int] = []
     for k, following in enumerate(listed):
         if k:
-            while word and word[-1] == count - 1:
+            while word and word[-1] == phases.at(start + len(word) - 1)[-1]:
                 word.pop()
             if not word:
                 return False
-            word[-1] += 1
+            letters = phases.at(start + len(word) - 1)
+            if word[-1] not in letters:
+                return False
+            word[-1] = letters[letters.index(word[-1]) + 1]
         shared = len(word)
-        if list(following[:shared]) != word or any(following[shared:]):
+        first = [phases.at(start + i)[0] for i in range(shared, len(following))]
+        if list(following[:shared]) != word or list(following[shared:]) != first:
             return False
         word = list(following)
-    return all(a == count - 1 for a in word)
+    return all(a == phases.at(start + i)[-1] for i, a in enumerate(word))
 
 
 def checked_bound(proof: TreeProof, letters: Letters, smallest: np.ndarray) -> float:
@@ -98,13 +116,15 @@ def checked_bound(proof: TreeProof, letters: Letters, smallest: np.ndarray) -> f
     """
     words, n = proof.words.astype(np.int64), letters.states
     lengths = np.sum(words >= 0, axis=1)
-    Z, Y = proof.potential, proof.points
+    P, Y = len(proof.potential), proof.points
+    before = proof.potential[proof.starts.astype(np.int64)]
+    after = proof.potential[(proof.starts.astype(np.int64) + lengths) % P]
     root = np.linalg.cholesky(smallest)
     inverse, eye = np.linalg.inv(root), np.eye(n)
-    value = np.einsum("ij,kij->k", Z, Y)
+    value = np.einsum("kij,kij->k", before, Y)
     size, largest, strongest = np.abs(value), np.ones(len(words)), np.ones(len(words))
     jacobian = np.broadcast_to(eye, Y.shape)
-    slope = np.broadcast_to(Z, Y.shape).copy()
+    slope = before.copy()
     with np.errstate(all="ignore"):
         for k in range(words.shape[1]):
             on = np.flatnonzero(lengths > k)
@@ -127,9 +147,9 @@ def checked_bound(proof: TreeProof, letters: Letters, smallest: np.ndarray) -> f
             jacobian[on] = Y[on] @ F @ X @ J
             largest[on] = np.maximum(largest[on], _traces(inverse @ S @ inverse.T))
             strongest[on] = np.maximum(strongest[on], _traces(root.T @ letters.L[a] @ root))
-        last = np.einsum("ij,kij->k", Z, Y)
+        last = np.einsum("kij,kij->k", after, Y)
         value -= last
-        slope -= _pulled(jacobian, np.broadcast_to(Z, Y.shape))
+        slope -= _pulled(jacobian, after)
         scaled = inverse @ slope @ inverse.T
         usable = np.all(np.isfinite(scaled), axis=(1, 2)) & np.isfinite(value)
         scaled[~usable] = 0.0

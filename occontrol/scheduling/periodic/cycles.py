@@ -12,12 +12,14 @@ import numpy as np
 
 from occontrol.core.monitor import Monitor
 from occontrol.scheduling.periodic.letters import Letters
+from occontrol.scheduling.periodic.phases import Phases, always
 from occontrol.scheduling.periodic.potential import Cycle, cycle_of
 
 CHUNK = 2_000  # words between two looks at the clock
 ALL = 300_000  # words of a length up to which all of them are looked at
 POOL = 12  # cycles that longer ones are made of
 TRIES = 4_000  # cycles looked at near the best
+PHASED_TRIES = 20_000  # the same where windows repeat: single letters of long cycles
 NEVER = 1 << 30
 
 
@@ -72,7 +74,9 @@ class Found:
     pool: list[tuple[float, tuple[int, ...]]] = field(default_factory=list)
 
 
-def search(letters: Letters, most_period: int, rules: CycleRules, monitor: Monitor, seed: int = 1) -> Found:
+def search(
+    letters: Letters, most_period: int, rules: CycleRules, monitor: Monitor, seed: int = 1, phases: Phases | None = None
+) -> Found:
     """The best cycle of up to so many steps that can be found.
 
     Parameters
@@ -82,27 +86,30 @@ def search(letters: Letters, most_period: int, rules: CycleRules, monitor: Monit
     rules : what it has to keep
     monitor : Monitor
     seed : of the changes of longer cycles
+    phases : which letters there are at which step; None is all of them always
     """
-    found = Found()
-    for p in range(1, most_period + 1):
-        if letters.count**p > ALL * p or not _all_of(letters, p, rules, found, monitor):
+    found, phases = Found(), phases or always(letters.count)
+    for p in range(phases.count, most_period + 1, phases.count):
+        alike = p if phases.count == 1 else 1  # words that are one cycle
+        if phases.words(p) > ALL * alike or not _all_of(letters, p, phases, rules, found, monitor):
             break
         found.complete_to = p
-    if found.complete_to < most_period and not monitor.stop:
-        _longer(letters, most_period, rules, found, monitor, seed)
+    if found.complete_to + phases.count <= most_period and not monitor.stop:
+        _longer(letters, most_period, phases, rules, found, monitor, seed)
     return found
 
 
-def _all_of(letters: Letters, p: int, rules: CycleRules, found: Found, monitor: Monitor) -> bool:
+def _all_of(letters: Letters, p: int, phases: Phases, rules: CycleRules, found: Found, monitor: Monitor) -> bool:
     """Every cycle of length p; False when the monitor stopped it."""
     from occontrol.scheduling.periodic.scan import scan
 
-    word, best = np.zeros(p, dtype=np.int64), np.zeros(p, dtype=np.int64)
+    word = np.array([phases.at(k)[0] for k in range(p)], dtype=np.int64)
+    best = word.copy()
     cost, done, begun = np.inf, False, False
     while not done:
         if monitor.stop:
             return False
-        now, done, looked = scan(*letters.arrays, word, begun, CHUNK, cost, best, *rules.arrays)
+        now, done, looked = scan(*letters.arrays, phases.opened, word, begun, CHUNK, cost, best, *rules.arrays)
         cost, begun, found.looked = now, True, found.looked + looked
     if np.isfinite(cost):
         found.by_period[p] = float(cost)
@@ -126,20 +133,24 @@ def _keep(letters: Letters, found: Found, word: np.ndarray) -> bool:
     return False
 
 
-def _longer(letters: Letters, most: int, rules: CycleRules, found: Found, monitor: Monitor, seed: int) -> None:
+def _longer(
+    letters: Letters, most: int, phases: Phases, rules: CycleRules, found: Found, monitor: Monitor, seed: int
+) -> None:
     """Cycles near the best ones, up to the longest length."""
     from occontrol.scheduling.periodic.scan import keeps
 
-    random = np.random.default_rng(seed)
+    random, phased = np.random.default_rng(seed), phases.count > 1
     first = [(a,) for a in range(letters.count)] + [tuple(range(letters.count))]
+    if phased:
+        first = [phases.drawn(random) for _ in range(POOL)]
     pool = [w for _, w in found.pool] or [w for w in first if len(w) <= most]
-    seen = {canonical(w) for w in pool}
-    for tried in range(TRIES):
+    seen = set() if phased else {canonical(w) for w in pool}
+    for tried in range(PHASED_TRIES if phased else TRIES):
         if tried % 64 == 0 and monitor.stop:
             return
         pool = [w for _, w in found.pool] or pool
-        word = _changed(pool, letters.count, most, random)
-        if not 1 <= len(word) <= most or (key := canonical(word)) in seen:
+        word = phases.changed(pool, most, random) if phased else _changed(pool, letters.count, most, random)
+        if not 1 <= len(word) <= most or (key := phases.canonical(word) if phased else canonical(word)) in seen:
             continue
         seen.add(key)
         found.looked += 1

@@ -76,16 +76,17 @@ def costates(letters: Letters, cycle: Cycle) -> np.ndarray:
     return back(steady_costate(whole, back(np.zeros((n, n)))[0]))
 
 
-def potentials(letters: Letters, cycle: Cycle) -> dict[str, np.ndarray]:
-    """Potentials (n, n) by name: means of the Z_k of a cycle.
+def potentials(letters: Letters, cycle: Cycle, phases: int = 1) -> dict[str, np.ndarray]:
+    """Potentials (P, n, n) by name: means of the Z_k of a cycle, over its steps of one phase each.
 
     Parameters
     ----------
     letters, cycle : the cycle in the letters' units
+    phases : their number P, of which the length of the cycle is a multiple
     """
-    S = cycle.priors[:-1]
-    Z = symmetrise(S @ costates(letters, cycle) @ S)
+    S, n = cycle.priors[:-1], letters.states
+    Z = symmetrise(S @ costates(letters, cycle) @ S).reshape(-1, phases, n, n)
     mean = np.mean(Z, axis=0)
-    eye = SMALL * np.trace(mean) / len(mean) * np.eye(len(mean))
-    harmonic = np.linalg.inv(np.mean(np.linalg.inv(Z + eye), axis=0))
+    size = np.trace(mean, axis1=1, axis2=2)[:, None, None] / n
+    harmonic = np.linalg.inv(np.mean(np.linalg.inv(Z + SMALL * size * np.eye(n)), axis=0))
     return {"harmonic mean of the cycle": symmetrise(harmonic), "mean of the cycle": mean}

@@ -1,7 +1,8 @@
 """Compiled: every cycle of one length, each once, those left out that cannot be the best.
 
 Cycles that differ by where they begin are one: of them the word that is first in the alphabet stands for all (a Lyndon
-word; words that repeat a shorter one are cycles of that length). Words come in the order of the alphabet.
+word; words that repeat a shorter one are cycles of that length). Words come in the order of the alphabet. Where the
+letters there are depend on the phase, where a cycle begins matters, and all words are looked at.
 Source: Fredricksen, Kessler & Maiorana; Knuth, The Art of Computer Programming 4A, algorithm 7.2.1.1F.
 """
 
@@ -47,11 +48,35 @@ def keeps(word, uses, shortest, most_uses, most_changes):
 
 
 @njit(**OPTIONS)
-def scan(F, Q, L, seen, weight, constant, word, begun, most, incumbent, best, uses, shortest, most_uses, most_changes):
+def move_on(word, opened):
+    """Move `word` (p,) to the next that `opened` (P, A) allows: the place that was changed, -1 at the end.
+
+    With one phase it is the next that can begin a Lyndon word; it is one itself where the last place was changed.
+    """
+    p, P, A = word.shape[0], opened.shape[0], opened.shape[1]
+    for j in range(p - 1, -1, -1):
+        for a in range(word[j] + 1, A):
+            if opened[j % P, a]:
+                word[j] = a
+                for k in range(j + 1, p):
+                    if P == 1:
+                        word[k] = word[k - j - 1]
+                    else:
+                        word[k] = 0
+                        while not opened[k % P, word[k]]:
+                            word[k] += 1
+                return p - 1 if P > 1 else j
+    return -1
+
+
+@njit(**OPTIONS)
+def scan(
+    F, Q, L, seen, weight, constant, opened, word, begun, most, incumbent, best, uses, shortest, most_uses, most_changes
+):
     """Look at the next `most` words of one length from `word` (p,), which is moved on; fills `best` (p,).
 
     Returns the least cost (that of `incumbent` where nothing is cheaper), whether the length is done, and how many
-    words were looked at. `begun` says whether `word` itself has been looked at.
+    words were looked at. `begun` says whether `word` itself has been looked at; `opened` (P, A) the letters of phases.
     """
     p, A, n = word.shape[0], F.shape[0], F.shape[1]
     start = np.zeros((n, n))
@@ -64,17 +89,12 @@ def scan(F, Q, L, seen, weight, constant, word, begun, most, incumbent, best, us
     looked, fresh = 0, not begun
     while looked < most:
         if not fresh:
-            j = p - 1
-            while j >= 0 and word[j] == A - 1:
-                j -= 1
+            j = move_on(word, opened)
             if j < 0:
                 return incumbent, True, looked
-            word[j] += 1
-            for k in range(j + 1, p):
-                word[k] = word[k - j - 1]
             if j != p - 1:
                 continue
-        elif p > 1:  # the first word repeats a letter: a cycle of length 1
+        elif p > 1 and opened.shape[0] == 1:  # the first word repeats a letter: a cycle of length 1
             fresh = False
             continue
         fresh = False

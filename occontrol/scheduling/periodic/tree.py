@@ -5,6 +5,9 @@ information 0 < Y <= Y_max     c_u(Y) + tr(Z Y) - tr(Z Phi_u(Y)) >= |u| g     th
 read any schedule as leaves one after the other and add up; the potential telescopes and stays bounded. Y_max is the
 information with every sensor on, above which nothing stays. Each leaf is a convex programme in Y, and a tangent at any
 Y bounds it from below. The leaf with the smallest bound a step is split, until time is up or the target is reached.
+
+Where the letters there are depend on the phase of a step, each phase has a code and a potential of its own, and a leaf
+that begins at phase k is judged by tr(Z_k Y) - tr(Z_{k+|u|} Phi_u(Y)): the sum along a schedule telescopes as before.
 """
 
 from __future__ import annotations
@@ -14,7 +17,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.numerics.linalg import symmetrise
+from occontrol.scheduling.periodic.certificate import TreeProof, words_array
 from occontrol.scheduling.periodic.letters import Letters
+from occontrol.scheduling.periodic.phases import Phases, always
 
 EVALUATIONS = 80  # of one word's programme
 LOOK = 16  # splits between two looks at the clock
@@ -28,6 +34,7 @@ class Node:
 
     Parameters
     ----------
+    phase : at which the word begins
     word : letters
     own : bound a step of this word as a leaf
     best : the same of the best pruning of the tree below
@@ -35,6 +42,7 @@ class Node:
     children : one for each letter, or none
     """
 
+    phase: int
     word: tuple[int, ...]
     own: float
     best: float
@@ -43,28 +51,40 @@ class Node:
 
 
 class ProofTree:
-    """Words with bounds, under one potential.
+    """Words with bounds, under one potential, or one for every phase.
 
     Parameters
     ----------
     letters : in units in which the smallest covariance is the identity
-    potential : (n, n) Z, positive semidefinite
+    potential : (n, n) Z, or (P, n, n) of P phases, positive semidefinite
     enough : a bound a step that no proof can exceed, the cost of a known cycle
     fine : relative precision of a word's programme
+    phases : which letters there are at which step; None is all of them always
     """
 
-    def __init__(self, letters: Letters, potential: np.ndarray, enough: float, fine: float = 1e-6):
-        self.letters, self.potential, self.enough, self.fine = letters, potential, enough, fine
+    def __init__(
+        self, letters: Letters, potential: np.ndarray, enough: float, fine: float = 1e-6, phases: Phases | None = None
+    ):
+        self.letters, self.enough, self.fine = letters, enough, fine
+        self.phases = phases or always(letters.count)
+        n, P = letters.states, self.phases.count
+        self.potential = np.array(np.broadcast_to(potential, (P, n, n)), dtype=float, order="C")
         self._arrays = letters.arrays
         self.count = 0
-        point = 0.5 * np.eye(letters.states)
-        self.root = Node((), -np.inf, -np.inf, point)
-        self._split([self.root])
+        point = 0.5 * np.eye(n)
+        self.roots = [Node(k, (), -np.inf, -np.inf, point) for k in range(P)]
+        for root in self.roots:
+            self._split([root])
+
+    @property
+    def proven(self) -> float:
+        """The least of what the codes of all phases prove, as it was computed."""
+        return min(root.best for root in self.roots)
 
     @property
     def bound(self) -> float:
         """Proven a step for every schedule."""
-        best = self.root.best
+        best = self.proven
         return best - LOWERED * abs(best)
 
     def grow(self, target: float, most: int, monitor: Monitor) -> None:
@@ -74,7 +94,7 @@ class ProofTree:
             rounds += 1
             if rounds % LOOK == 0 and monitor.stop:
                 return
-            path = [self.root]
+            path = [min(self.roots, key=lambda node: node.best)]
             while path[-1].children:
                 path.append(min(path[-1].children, key=lambda node: node.best))
             if not np.isfinite(path[-1].own) or len(path) > DEEPEST:
@@ -82,31 +102,45 @@ class ProofTree:
             self._split(path)
 
     def leaves(self) -> list[Node]:
-        """The words of the best pruning: a complete prefix code."""
-        found, waiting = [], [self.root]
+        """The words of the best pruning: a complete prefix code for every phase."""
+        found, waiting, best = [], list(reversed(self.roots)), self.proven
         while waiting:
             node = waiting.pop()
-            if not node.children or node.own >= self.root.best:
+            if not node.children or node.own >= best:
                 found.append(node)
             else:
                 waiting += reversed(node.children)
         return found
 
+    def proof(self, root: np.ndarray) -> TreeProof:
+        """The leaves as what a run folder keeps, in the units of the problem.
+
+        Parameters
+        ----------
+        root : (n, n) x = root z
+        """
+        leaves, inverse = self.leaves(), np.linalg.inv(root)
+        points = symmetrise(inverse.T @ np.array([leaf.point for leaf in leaves]) @ inverse)
+        starts = np.array([leaf.phase for leaf in leaves])
+        Z = symmetrise(root @ self.potential @ root.T)
+        return TreeProof(words_array([leaf.word for leaf in leaves]), points, Z, starts)
+
     def _split(self, path: list[Node]) -> None:
         last = path[-1]
-        last.children = [self._node((*last.word, a), last.point) for a in range(self.letters.count)]
+        following = self.phases.at(last.phase + len(last.word))
+        last.children = [self._node(last.phase, (*last.word, a), last.point) for a in following]
         for node in reversed(path):
             node.best = max(node.own, min(child.best for child in node.children))
 
-    def _node(self, word: tuple[int, ...], start: np.ndarray) -> Node:
+    def _node(self, phase: int, word: tuple[int, ...], start: np.ndarray) -> Node:
         from occontrol.scheduling.periodic.kernels import minimise
 
         self.count += 1
         T = len(word)
         scale = abs(self.enough) * T
+        before, after = self.potential[phase], self.potential[(phase + T) % self.phases.count]
         bound, _, allowance, point = minimise(
-            *self._arrays, np.array(word), self.potential, self.potential, start, T * self.enough, EVALUATIONS,
-            self.fine * scale,
+            *self._arrays, np.array(word), before, after, start, T * self.enough, EVALUATIONS, self.fine * scale,
         )  # fmt: skip
         own = (bound - allowance) / T
-        return Node(word, own, own, point)
+        return Node(phase, word, own, own, point)

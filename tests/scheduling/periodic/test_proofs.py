@@ -9,26 +9,13 @@ import pytest
 
 from occontrol.core.monitor import Monitor
 from occontrol.scheduling.periodic.averaged import averaged_flow, averaged_steps
-from occontrol.scheduling.periodic.certificate import TreeProof, checked_bound, faults, words_array
+from occontrol.scheduling.periodic.certificate import checked_bound, faults
 from occontrol.scheduling.periodic.cycles import CycleRules, canonical, free, search
-from occontrol.scheduling.periodic.letters import Letters, smallest_covariance
+from occontrol.scheduling.periodic.letters import Letters
+from occontrol.scheduling.periodic.phases import always
 from occontrol.scheduling.periodic.potential import cycle_of, potentials
 from occontrol.scheduling.periodic.tree import ProofTree
-from tests.plain_cycles import best_by_counting, mean_cost, on_off, random_plant, unstable, vehicle
-
-
-def in_units(letters: Letters) -> tuple[Letters, np.ndarray]:
-    """The letters in units in which the smallest covariance is the identity, and its root."""
-    root = np.linalg.cholesky(smallest_covariance(letters.F[0], letters.Q[0], np.sum(letters.L, axis=0)))
-    return letters.in_units(root), root
-
-
-def proof_in(tree: ProofTree, root: np.ndarray) -> TreeProof:
-    """The proof of a tree in the units of the problem."""
-    leaves, inverse = tree.leaves(), np.linalg.inv(root)
-    points = np.array([inverse.T @ leaf.point @ inverse for leaf in leaves])
-    Z = root @ tree.potential @ root.T
-    return TreeProof(words_array([leaf.word for leaf in leaves]), points, (Z + Z.T) / 2)
+from tests.plain_cycles import best_by_counting, in_units, mean_cost, on_off, random_plant, unstable, vehicle
 
 
 def grown(letters: Letters, gap: float, most: int) -> tuple[ProofTree, float]:
@@ -75,7 +62,7 @@ def test_no_bound_lies_above_any_cycle(seed: int) -> None:
     tree, _ = grown(scaled, 1e-3, 600)
     assert averaged.lower_bound <= best and tree.bound <= best
     assert np.isfinite(averaged.lower_bound) and tree.bound >= 0.5 * best
-    checked = checked_bound(proof_in(tree, root), letters, root @ root.T)
+    checked = checked_bound(tree.proof(root), letters, root @ root.T)
     assert checked == pytest.approx(tree.bound, rel=1e-9)
 
 
@@ -145,13 +132,13 @@ def test_a_spoilt_proof_is_told_from_a_good_one() -> None:
     letters = vehicle()
     scaled, root = in_units(letters)
     tree, _ = grown(scaled, 1e-3, 2000)
-    proof, smallest = proof_in(tree, root), root @ root.T
+    proof, smallest = tree.proof(root), root @ root.T
     assert faults(proof, letters) == []
     assert checked_bound(proof, letters, smallest) == pytest.approx(tree.bound, rel=1e-9)
     code = "the words of the proof do not stand for all schedules: they are no complete prefix code"
     for words in (proof.words[1:], np.vstack([proof.words[1:], proof.words[1:2]])):
         points = proof.points[: len(words)]
-        assert faults(TreeProof(words, points, proof.potential), letters) == [code]
+        assert faults(replace(proof, words=words, points=points, starts=proof.starts[: len(words)]), letters) == [code]
     shorter = proof.words.copy()
     shorter[0, np.sum(shorter[0] >= 0) - 1] = -1
     assert faults(replace(proof, words=shorter), letters) == [code]
@@ -180,6 +167,6 @@ def test_the_search_keeps_rules_and_longer_cycles_come_from_shorter_ones() -> No
 
     found = cycles.Found()
     for p in (1, 2):
-        cycles._all_of(letters, p, free(np.eye(4)), found, Monitor())
-    cycles._longer(letters, 8, free(np.eye(4)), found, Monitor(), 1)
+        cycles._all_of(letters, p, always(4), free(np.eye(4)), found, Monitor())
+    cycles._longer(letters, 8, always(4), free(np.eye(4)), found, Monitor(), 1)
     assert found.best is not None and found.best.cost <= 18.2023 and len(found.best.word) > 2

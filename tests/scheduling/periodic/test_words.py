@@ -121,7 +121,7 @@ def test_accurate_sensors_do_not_put_a_bound_above_what_is_exact() -> None:
     letters, _ = in_units(random_plant(14, 3, 2))
     cycle = cycle_of(letters, np.array([0]))
     assert cycle is not None
-    Z = potentials(letters, cycle)["harmonic mean of the cycle"]
+    Z = potentials(letters, cycle)["harmonic mean of the cycle"][0]
     for word in ([1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0], [1, 0, 0, 0, 1, 0, 0, 0, 0]):
         bound, _, allowance, where = minimise(*letters.arrays, np.array(word), Z, Z, 0.5 * np.eye(3), np.inf, 60, 0.0)
         assert bound - allowance <= exact_tangent(letters, word, Z, where)

@@ -16,7 +16,8 @@ from occontrol.families.athans.certify import parts_of
 from occontrol.families.athans.periodic.limits import broken
 from occontrol.families.athans.periodic.method import Periodic
 from occontrol.families.athans.periodic.problem import PeriodicProblem
-from occontrol.families.athans.periodic.prove import averaged_of, grow_proof, proof_of, setting_of, unbounded
+from occontrol.families.athans.periodic.prove import averaged_of, grow_proof, setting_of, unbounded
+from occontrol.families.athans.periodic.rounds import out_of_round
 from occontrol.families.athans.periodic.solve import PROOF, assemble, shares_of
 from occontrol.families.athans.periodic.words import cycle_from, word_of
 from occontrol.families.athans.result import AthansResult
@@ -45,7 +46,9 @@ def certify(problem: PeriodicProblem, schedule: Schedule, claims: Claims | None 
     began, monitor, setting = stopwatch.seconds(), Monitor(), setting_of(problem)
     word = word_of(problem, as_read(schedule, problem))
     names = list(problem.sensors.names)
-    if wrong := broken(problem.limits, problem.weights_of([int(a) for a in word]), names, problem.step):
+    letters = [int(a) for a in word]
+    wrong = out_of_round(problem, letters) + broken(problem.limits, problem.weights_of(letters), names, problem.step)
+    if wrong:
         raise ProblemError([Mistake((), what) for what in wrong])
     cycle = cycle_of(setting.letters, word)
     if cycle is None:
@@ -56,15 +59,15 @@ def certify(problem: PeriodicProblem, schedule: Schedule, claims: Claims | None 
     proof, tree_bound = None, None
     if claims is not None and claims.choices is not None:
         proof = claims.choices
-        refuted = faults(proof, setting.filled.letters)
+        refuted = faults(proof, setting.filled.letters, setting.phases)
         if not refuted:
             tree_bound = checked_bound(proof, setting.filled.letters, setting.filled.smallest)
             tree_bound = None if not np.isfinite(tree_bound) else tree_bound
     elif claims is None:
         limits = dataclasses.replace(method, max_nodes=OWN_NODES, time_limit=None)
-        tree, _ = grow_proof(setting.letters, averaged, cycle, limits, monitor)
+        tree, _ = grow_proof(setting, averaged, cycle, limits, monitor)
         if tree is not None:
-            proof = proof_of(tree, setting.root)
+            proof = tree.proof(setting.root)
             tree_bound = checked_bound(proof, setting.filled.letters, setting.filled.smallest)
     bounds = {"averaged": averaged.lower_bound, "tree": tree_bound}
     best = max(b for b in bounds.values() if b is not None)

@@ -17,6 +17,7 @@ class EndlessHorizon(Strict):
     """No end, in discrete time."""
 
     infinite: Literal[True] = Field(description="infinite: true")
+    repeat: float | None = Field(None, description="repeat: time after which windows come again")
 
 
 class SteppedHorizon(EndlessHorizon):
@@ -57,6 +58,7 @@ class EndlessStepsSensor(CycleSensor):
     H: Matrix = Field(description="H: a list of rows, one entry per state")
     R: Matrix = Field(description="R: the covariance of one reading")
     cost: Matrix = 0.0
+    windows: list[list[float]] | None = Field(None, description="windows: [[first k, last k], ..] of one round")
 
 
 class EndlessSensor(CycleSensor):
@@ -68,6 +70,7 @@ class EndlessSensor(CycleSensor):
     variance: Matrix = Field(None, description="variance: of one reading; for continuous sensing with `every`")
     every: float | None = Field(None, description="every: time between two readings, of continuous sensing")
     cost: Matrix = 0.0
+    windows: list[list[float]] | None = Field(None, description="windows: [[start, end], ..] of one round")
 
 
 AnyStepsSensor = Annotated[

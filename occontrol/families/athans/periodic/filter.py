@@ -19,6 +19,7 @@ from occontrol.core.trajectory import Trajectory
 from occontrol.families.athans.filter.online import MatchedFilter, MatchedStep
 from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.families.athans.periodic.prove import setting_of, unbounded
+from occontrol.families.athans.periodic.rounds import without_windows
 from occontrol.families.athans.periodic.words import word_of
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.readings.clock import SampleTimes, Steps
@@ -86,16 +87,16 @@ def unrolled(problem: PeriodicProblem, schedule: Schedule, cycles: int, start: n
     names = list(schedule.names)
     order = [names.index(s.name) for s in problem.sensors]
     weights = np.tile(schedule.weights[:, order], (cycles, 1))
-    nothing = np.zeros((1, problem.states))
+    nothing, sensors = np.zeros((1, problem.states)), without_windows(problem.sensors)
     if problem.sensing == "rate":
         ended = SchedulingProblem(
-            problem.name, replace(problem.flowing, covariance=start), problem.sensors, h * np.arange(N + 1), nothing,
+            problem.name, replace(problem.flowing, covariance=start), sensors, h * np.arange(N + 1), nothing,
             cost_weight=problem.cost_weight, running=problem.running, select=problem.places,
         )  # fmt: skip
         return ended, Schedule(ended.edges, weights, tuple(problem.sensors.names))
     clock = Steps(N) if problem.discrete else SampleTimes(h * np.arange(N), 0.0, h * N)
     ended = ReadingsProblem(
-        problem.name, replace(problem.plant, covariance=start), problem.sensors, clock, nothing,
+        problem.name, replace(problem.plant, covariance=start), sensors, clock, nothing,
         cost_weight=problem.cost_weight, running=problem.running, running_at=problem.running_at, select=problem.select,
     )  # fmt: skip
     return ended, ended.make_schedule(ended.edges, weights)

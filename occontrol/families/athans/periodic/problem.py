@@ -24,6 +24,7 @@ from occontrol.core.sensor import IDLE, Sensor, SensorSuite, idle_sensor
 from occontrol.core.signal import Signal, as_signal
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.periodic.limits import CycleLimits
+from occontrol.families.athans.periodic.rounds import opened, round_mistakes, shut, steps_of
 from occontrol.families.athans.readings.checks import selection
 
 SENSING = ("steps", "samples", "rate")
@@ -57,6 +58,7 @@ class PeriodicProblem(AthansProblem):
     method : an options object of method periodic, or None for its defaults
     expect : {source, cost, tolerance}, the known answer, if any
     limits : CycleLimits, rules that a cycle has to keep, or None
+    repeat : time after which the windows of the sensors, which lie between 0 and it, come again; None without windows
 
     Raises ProblemError naming every mistake.
     """
@@ -73,6 +75,7 @@ class PeriodicProblem(AthansProblem):
     method: Method | None = None
     expect: PlainMapping | None = None
     limits: CycleLimits | None = None
+    repeat: float | None = None
     family: str = field(default="athans", init=False)
     infinite: ClassVar[bool] = True
     rules: ClassVar[None] = None
@@ -113,6 +116,7 @@ class PeriodicProblem(AthansProblem):
         if least < most and not any(s.is_idle for s in self.sensors):
             set_(self, "sensors", SensorSuite((*self.sensors, idle_sensor(self.plant.states))))
         found.mistakes += self._constant() + self._shapes()
+        found.mistakes += round_mistakes(self.sensors, self.repeat, self.step, self.sensing)
         if self.limits is not None:
             found.mistakes += self.limits.mistakes(self.listed)
         found.raise_if_any()
@@ -120,20 +124,17 @@ class PeriodicProblem(AthansProblem):
         if not found.mistakes and len(self.choices) > MOST_CHOICES:
             what = f"there are {len(self.choices)} choices of sensors at a step"
             found.add(("select",), what, f"method periodic looks at {MOST_CHOICES} at most")
+        if not found.mistakes:
+            found.mistakes += shut(self)
         found.raise_if_any()
 
     def _constant(self) -> list[Mistake]:
-        """Whatever changes with time, windows among it: for ever there is one plant."""
+        """Whatever changes with time: for ever there is one plant."""
         hint = f"for ever the plant is one and the same: numbers, not formulas of {self.variable}"
-        found = [
+        return [
             Mistake(path, f"{'.'.join(map(str, path))} changes with {self.variable}", hint)
             for path, signal in self.signals.items()
             if not signal.constant
-        ]
-        return found + [
-            Mistake(("sensors", j, "windows"), f"sensor '{s.name}' has windows: an infinite horizon has none", key=True)
-            for j, s in enumerate(self.sensors)
-            if s.windows is not None
         ]
 
     def _shapes(self) -> list[Mistake]:
@@ -237,6 +238,16 @@ class PeriodicProblem(AthansProblem):
         real = [s.name for s in self.sensors if not s.is_idle]
         found = [c for size in range(max(least, 1), most + 1) for c in combinations(real, size)]
         return tuple(found if least else [*found, ()])
+
+    @property
+    def phases(self) -> int:
+        """The number P of steps after which windows come again; 1 without windows."""
+        return steps_of(self.repeat, self.step)
+
+    @cached_property
+    def opened(self) -> np.ndarray:
+        """(P, choices) which choices there are at every step of a round."""
+        return opened(self)
 
     @property
     def letters(self) -> tuple[str, ...]:

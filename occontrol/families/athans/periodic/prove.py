@@ -16,11 +16,10 @@ from occontrol.families.athans.periodic.fill import Filled, fill, parts_of
 from occontrol.families.athans.periodic.limits import cycle_rules
 from occontrol.families.athans.periodic.method import Periodic
 from occontrol.families.athans.periodic.problem import PeriodicProblem
-from occontrol.numerics.linalg import symmetrise
 from occontrol.scheduling.periodic.averaged import Averaged, averaged_flow, averaged_steps
-from occontrol.scheduling.periodic.certificate import TreeProof, words_array
 from occontrol.scheduling.periodic.cycles import CycleRules, Found, search
 from occontrol.scheduling.periodic.letters import Letters
+from occontrol.scheduling.periodic.phases import Phases
 from occontrol.scheduling.periodic.potential import Cycle, potentials
 from occontrol.scheduling.periodic.tree import ProofTree
 
@@ -40,12 +39,14 @@ class Setting:
     letters : in the others
     root : (n, n) x = root z
     rules : what a cycle has to keep
+    phases : which choices there are at which step
     """
 
     filled: Filled
     letters: Letters
     root: np.ndarray
     rules: CycleRules
+    phases: Phases
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +81,7 @@ def setting_of(problem: PeriodicProblem) -> Setting:
     sensors = [s.name for s in problem.sensors]
     uses = np.array([[name in choice for name in sensors] for choice in problem.choices], dtype=np.int64)
     rules = cycle_rules(problem.limits, uses, sensors, problem.step)
-    return Setting(filled, filled.letters.in_units(root), root, rules)
+    return Setting(filled, filled.letters.in_units(root), root, rules, Phases(problem.opened))
 
 
 def averaged_of(problem: PeriodicProblem, setting: Setting) -> Averaged:
@@ -92,12 +93,13 @@ def averaged_of(problem: PeriodicProblem, setting: Setting) -> Averaged:
     setting : of the problem
     """
     if problem.sensing != "rate":
-        return averaged_steps(setting.letters)
+        return averaged_steps(setting.letters, setting.phases)
     parts, root = parts_of(problem), setting.root
     inverse = np.linalg.inv(root)
     A = inverse @ problem.flowing.A.at(0.0) @ root
     noise = inverse @ problem.flowing.noise.at(0.0) @ inverse.T
-    return averaged_flow(A, noise, root.T @ parts.gains @ root, root.T @ parts.running @ root, parts.prices)
+    gains, running = root.T @ parts.gains @ root, root.T @ parts.running @ root
+    return averaged_flow(A, noise, gains, running, parts.prices, setting.phases)
 
 
 def prove(problem: PeriodicProblem, setting: Setting, method: Periodic, monitor: Monitor) -> Proven:
@@ -116,37 +118,40 @@ def prove(problem: PeriodicProblem, setting: Setting, method: Periodic, monitor:
     averaged = averaged_of(problem, setting)
     monitor.stage = "cycles"
     limit = None if method.time_limit is None else SEARCH_SHARE * method.time_limit
-    found = search(setting.letters, method.max_period, setting.rules, monitor.child(limit, silent=True))
+    longest = max(method.max_period, setting.phases.count)
+    child = monitor.child(limit, silent=True)
+    found = search(setting.letters, longest, setting.rules, child, phases=setting.phases)
     if found.best is None:
-        raise SolveFailed(_no_cycle(method.max_period, problem.limits is not None))
+        raise SolveFailed(_no_cycle(longest, problem.limits is not None))
     monitor.report(found.looked, found.best.cost, averaged.lower_bound)
     monitor.stage = "proof"
-    tree, name = grow_proof(setting.letters, averaged, found.best, method, monitor)
+    tree, name = grow_proof(setting, averaged, found.best, method, monitor)
     return Proven(averaged, found, found.best, tree, name)
 
 
 def grow_proof(
-    letters: Letters, averaged: Averaged, cycle: Cycle, method: Periodic, monitor: Monitor
+    setting: Setting, averaged: Averaged, cycle: Cycle, method: Periodic, monitor: Monitor
 ) -> tuple[ProofTree | None, str]:
     """The tree under the best potential, grown as far as limits allow, and what the potential is called.
 
     Parameters
     ----------
-    letters : in units in which the smallest covariance is the identity
-    averaged, cycle : in the same units
+    setting : of the problem
+    averaged, cycle : in units in which the smallest covariance is the identity
     method : its limits
     monitor : Monitor
     """
+    letters, phases = setting.letters, setting.phases
     target = cycle.cost - method.relative_gap * abs(cycle.cost)
     if averaged.lower_bound >= target:
         return None, ""
     trees: dict[str, ProofTree] = {}
-    candidates = {**potentials(letters, cycle), "averaged optimum": averaged.potential}
+    candidates = {**potentials(letters, cycle, phases.count), "averaged optimum": averaged.potential}
     for name, Z in candidates.items():
         if not np.all(np.isfinite(Z)) or (trees and monitor.stop):
             continue
-        trees[name] = ProofTree(letters, Z, cycle.cost, FINE * method.relative_gap)
-        trees[name].grow(target, min(TRIAL * letters.count, method.max_nodes), monitor)
+        trees[name] = ProofTree(letters, Z, cycle.cost, FINE * method.relative_gap, phases)
+        trees[name].grow(target, min(TRIAL * letters.count * phases.count, method.max_nodes), monitor)
     if not trees:
         return None, ""
     name = max(trees, key=lambda key: trees[key].bound)
@@ -160,20 +165,6 @@ def grow_proof(
         tree.grow(target, min(int(SLICE * tree.count), method.max_nodes), monitor)
         if tree.count == before:
             return tree, name
-
-
-def proof_of(tree: ProofTree, root: np.ndarray) -> TreeProof:
-    """The tree as what a run folder keeps, in the units of the problem.
-
-    Parameters
-    ----------
-    tree : ProofTree
-    root : (n, n) x = root z
-    """
-    leaves, inverse = tree.leaves(), np.linalg.inv(root)
-    points = symmetrise(inverse.T @ np.array([leaf.point for leaf in leaves]) @ inverse)
-    Z = symmetrise(root @ tree.potential @ root.T)
-    return TreeProof(words_array([leaf.word for leaf in leaves]), points, Z)
 
 
 def require_bounded(problem: PeriodicProblem) -> None:

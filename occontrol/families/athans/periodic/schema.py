@@ -66,6 +66,7 @@ def build(document: EndlessDocument, context: Context) -> PeriodicProblem:
         method=method,
         expect=expect,
         limits=_limits(document),
+        repeat=document.horizon.repeat,
     )
     found.raise_if_any()
     return problem
@@ -95,13 +96,15 @@ def _sensor(entry, j: int, states: int, sensing: str, context: Context) -> Senso
     noise = sensor_noise(entry.noise, entry.variance, entry.every, entry.name, ("sensors", j), context)
     cost, sensor = context.signal(entry.cost, "sensors", j, "cost"), None
     if C is not None and noise is not None and cost is not None:
-        sensor = context.attempt(Sensor, "sensors", j, name=entry.name, C=C, noise=noise, cost=cost)
+        sensor = context.attempt(
+            Sensor, "sensors", j, name=entry.name, C=C, noise=noise, cost=cost, windows=entry.windows
+        )
     return sensor or sensor_of("idle", j, states, "t", context)
 
 
 def document(problem: PeriodicProblem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
-    horizon: PlainDict = {"infinite": True}
+    horizon: PlainDict = {"infinite": True, "repeat": None if problem.repeat is None else float(problem.repeat)}
     if problem.discrete:
         system = steps_plant_document(problem.stepped)
     else:
@@ -111,7 +114,7 @@ def document(problem: PeriodicProblem) -> PlainDict:
     result = {
         "family": "athans",
         "name": problem.name,
-        "horizon": horizon,
+        "horizon": prune(horizon),
         "sensing": "rate" if problem.sensing == "rate" else "samples",
         "plant": system,
         "sensors": [_sensor_document(s, problem) for s in problem.sensors if s.name in problem.listed],
@@ -122,7 +125,7 @@ def document(problem: PeriodicProblem) -> PlainDict:
             "running": problem.running.document(),
             "running_at": None if problem.sensing == "rate" else problem.running_at,
         },
-        "method": _method_document(problem.method),
+        "method": method_document(problem.method),
         "expect": None if problem.expect is None else plain(problem.expect),
     }
     result["objective"] = prune(result["objective"])
@@ -133,7 +136,7 @@ def _rules_document(limits: CycleLimits | None) -> PlainDict | None:
     return None if limits is None or limits.max_switches is None else {"max_switches": limits.max_switches}
 
 
-def _method_document(method: Method | None) -> PlainDict | None:
+def method_document(method: Method | None) -> PlainDict | None:
     """The options; no time limit is said, for a file without any has one."""
     stated = options_document(method)
     if stated is not None and getattr(method, "time_limit", None) is None:
@@ -147,4 +150,5 @@ def _sensor_document(sensor: Sensor, problem: PeriodicProblem) -> PlainDict | st
     C, R = ("H", "R") if problem.discrete else ("C", "noise")
     rules = {} if problem.limits is None else problem.limits.of_sensor(sensor.name)
     values = {"name": sensor.name, C: sensor.C.document(), R: sensor.noise.document()}
-    return prune({**values, "cost": sensor.cost.document(), **rules})
+    windows = None if sensor.windows is None else [list(window) for window in sensor.windows]
+    return prune({**values, "cost": sensor.cost.document(), "windows": windows, **rules})

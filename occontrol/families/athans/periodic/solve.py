@@ -12,14 +12,14 @@ from occontrol.core.solution import Certificate, Solution, Status, make_solution
 from occontrol.families.athans.periodic.check import AGREE, PlainCycle, plain_cycle
 from occontrol.families.athans.periodic.method import Periodic
 from occontrol.families.athans.periodic.problem import PeriodicProblem
-from occontrol.families.athans.periodic.prove import Proven, Setting, proof_of, prove, setting_of
+from occontrol.families.athans.periodic.prove import Proven, Setting, prove, setting_of
 from occontrol.families.athans.periodic.transient import transient
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers, TopNumbers
 from occontrol.numerics.linalg import symmetrise
 from occontrol.scheduling.periodic.certificate import TreeProof, checked_bound
 from occontrol.scheduling.periodic.potential import Cycle
 
-PROOF = ("proof_words", "proof_points", "proof_potential")
+PROOF = ("proof_words", "proof_points", "proof_potential", "proof_starts")
 
 
 def solve(problem: PeriodicProblem, method: Periodic, monitor: Monitor) -> Solution:
@@ -36,7 +36,7 @@ def solve(problem: PeriodicProblem, method: Periodic, monitor: Monitor) -> Solut
     began = stopwatch.seconds()
     setting = setting_of(problem)
     proven = prove(problem, setting, method, monitor)
-    proof = None if proven.tree is None else proof_of(proven.tree, setting.root)
+    proof = None if proven.tree is None else proven.tree.proof(setting.root)
     tree_bound = None
     if proven.tree is not None and proof is not None:
         # two codes whose rounding differs: what stands is what both prove
@@ -178,7 +178,8 @@ def assemble(
         "gain": _gains(problem, word, after if problem.sensing != "rate" else priors[:-1]),
     }
     if proof is not None:
-        arrays |= dict(zip(PROOF, (proof.words.astype(np.int16), proof.points, proof.potential), strict=True))
+        kept = proof.words.astype(np.int16), proof.points, proof.potential, proof.starts.astype(np.int16)
+        arrays |= dict(zip(PROOF, kept, strict=True))
     return make_solution(
         problem=problem, method=name, status=status, message=message, iterations=nodes, numbers=numbers,
         monitor=monitor, began=began, arrays=arrays, schedule=schedule, certificate=certificate,

@@ -36,6 +36,8 @@ def describe(problem: PeriodicProblem) -> list[tuple[str, str]]:
         ("choices", f"{len(problem.choices)} at every step"),
         ("observation cost", f"{min(prices):.6g} to {max(prices):.6g}, times cost_weight {problem.cost_weight:g}"),
     ]
+    if problem.repeat is not None:
+        found.insert(2, ("windows", f"come again every {problem.repeat:g}, {plural(problem.phases, 'step')}"))
     for s in sensors[:MOST_SENSORS]:
         shown = ", ".join(f"{d:.3g}" for d in np.sqrt(np.diagonal(s.noise.at(0.0))))
         rate = f"noise is an intensity, its root is {shown}"
@@ -77,5 +79,6 @@ def summarise(problem: PeriodicProblem, solution: Solution) -> list[tuple[str, s
 
 def _for_whom(problem: PeriodicProblem) -> str:
     if problem.sensing == "rate":
-        return f"for schedules that change at multiples of {problem.step:g}"
-    return "for every schedule, periodic or not"
+        kept = "" if problem.repeat is None else " and keep to the windows"
+        return f"for schedules that change at multiples of {problem.step:g}{kept}"
+    return "for every schedule, periodic or not" + ("" if problem.repeat is None else ", that keeps to the windows")
