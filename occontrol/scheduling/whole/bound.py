@@ -1,0 +1,106 @@
+"""The bound on schedules of whole looks, by all targets together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from occontrol.scheduling.blocks.resources import ResourceSet
+from occontrol.scheduling.whole.certificate import Chunk, Tangents, answer
+from occontrol.scheduling.whole.courses import Course
+from occontrol.scheduling.whole.prices import Answer, Found, Lines, raise_bound
+
+FACTOR = 1.6  # between two scales of the first prices that are tried
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is spent on a bound.
+
+    Parameters
+    ----------
+    rounds : prices that are tried
+    gap : relative, between the bound and what the lines of all plans allow
+    exact : beginnings of a target up to which its minimum is exact
+    """
+
+    rounds: int = 60
+    gap: float = 1e-3
+    exact: int = 0
+
+
+class WholeLooks:
+    """All targets of a problem, to be asked at prices.
+
+    Parameters
+    ----------
+    courses : of every target
+    allowed : ResourceSet of the schedules
+    tangents : of the relaxed optimum, or None
+    effort : Effort
+    """
+
+    def __init__(
+        self, courses: Sequence[Course], allowed: ResourceSet, tangents: Tangents | None, effort: Effort
+    ):
+        self.allowed, self.effort = allowed, effort
+        self.stretch = np.repeat(np.arange(len(allowed.capacity)), np.diff(allowed.starts))
+        self.chunk = Chunk(courses, np.arange(len(courses)), self.stretch, tangents, effort.exact)
+
+    @property
+    def capacity(self) -> np.ndarray:
+        """(S,) looks of every stretch."""
+        return self.allowed.capacity
+
+    def ask(self, prices: np.ndarray) -> Answer:
+        """What all targets answer to prices (S,)."""
+        return answer(self.chunk, prices)
+
+    def bound(self, start: np.ndarray, stop: Callable[[Found], bool] = lambda found: False) -> Found:
+        """The largest bound that is found, from prices `start` (S,) on.
+
+        Parameters
+        ----------
+        start : (S,) prices, such as those of the relaxed optimum
+        stop : whether to leave earlier
+        """
+        lines = Lines(len(self.chunk.courses), self.capacity)
+        first, best = self._scaled(start, lines)
+        if stop(first):
+            return first
+        found = raise_bound(self.ask, lines, best, max(0, self.effort.rounds - first.rounds), self.effort.gap, stop)
+        found.rounds += first.rounds
+        return found if found.bound >= first.bound else first
+
+    def _scaled(self, start: np.ndarray, lines: Lines) -> tuple[Found, np.ndarray]:
+        """The best multiple of prices: D is concave along them."""
+        found, scale = Found(start), 1.0
+        for _ in range(8):
+            prices = scale * start
+            given = self.ask(prices)
+            lines.add(prices, given)
+            found.rounds += 1
+            value = float(np.sum(given.bounds) - prices @ self.capacity)
+            if value <= found.bound:
+                break
+            found.bound, found.prices, found.bounds = value, prices, given.bounds
+            scale *= FACTOR
+        return found, found.prices
+
+
+def relaxed_prices(gradient: np.ndarray, allowed: ResourceSet) -> np.ndarray:
+    """(S,) what one more look on every stretch would save to first order.
+
+    Parameters
+    ----------
+    gradient : (E, 1) of the cost of a relaxed optimum
+    allowed : ResourceSet
+    """
+    found, g = np.zeros(len(allowed.capacity)), gradient[:, 0]
+    for s, c in enumerate(allowed.capacity):
+        a, b = int(allowed.starts[s]), int(allowed.starts[s + 1]) - 1
+        if b - a > c:
+            found[s] = max(0.0, -float(np.partition(g[a:b], c)[c]))
+    return found

@@ -1,0 +1,133 @@
+"""What a few targets say to prices: bounds and how often they want to be looked at. Plain data in, plain data out.
+
+    J* >= sum_i m_i(lam) - sum_s lam_s c_s,     lam >= 0,
+
+whatever m_i is below what target i costs at prices lam. Targets may be asked anywhere, in any order and at any time;
+what they answer to the same prices adds up. m_i is the larger of two bounds: that of whole looks (forgetful.py, exact
+where the target is small), and that of the tangent of its cost at shares v of looks,
+
+    m_i >= J_i(v) - g_i.v + sum_e min(0, g_e + lam_e).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from occontrol.scheduling.whole.courses import Course
+from occontrol.scheduling.whole.forgetful import Tables, cost_of, plan, tables
+from occontrol.scheduling.whole.prefixes import Beginnings, beginnings
+from occontrol.scheduling.whole.prices import Answer
+
+
+@dataclass(frozen=True, eq=False)
+class Tangents:
+    """A tangent of the cost of every target, where shares of looks are allowed.
+
+    Parameters
+    ----------
+    base : (T,) J_i(v) - g_i.v, with what looks cost by themselves
+    slope : (E,) g
+    """
+
+    base: np.ndarray
+    slope: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Some targets of a problem; picklable.
+
+    Parameters
+    ----------
+    courses : of the targets
+    numbers : (T,) their numbers in the whole problem
+    stretch : (E,) number of the stretch of every look of the problem
+    tangents : of all targets of the problem, or None
+    exact : beginnings of a target up to which its minimum is exact; 0 for none
+    """
+
+    courses: Sequence[Course]
+    numbers: np.ndarray
+    stretch: np.ndarray
+    tangents: Tangents | None = None
+    exact: int = 0
+
+    @cached_property
+    def known(self) -> list[Beginnings | Tables]:
+        """What each target is worked out from; made once."""
+        return [beginnings(c, self.exact) or tables(c) for c in self.courses]
+
+    @cached_property
+    def exactly(self) -> bool:
+        """Whether all minima are exact."""
+        return all(isinstance(t, Beginnings) for t in self.known)
+
+
+def answer(chunk: Chunk, prices: np.ndarray) -> Answer:
+    """Bounds and plans of targets at prices of looks.
+
+    Parameters
+    ----------
+    chunk : Chunk
+    prices : (S,) lam >= 0 of every stretch
+    """
+    each = prices[chunk.stretch]
+    bounds, stretches = np.empty(len(chunk.courses)), []
+    for i, (course, table) in enumerate(zip(chunk.courses, chunk.known, strict=True)):
+        due = course.dues(each)
+        if isinstance(table, Beginnings):
+            bound, visits = table.best(due)
+        else:
+            found = plan(course, table, due)
+            bound, visits = found.bound, found.visits
+        at = chunk.stretch[course.looks_of(visits)]
+        if chunk.tangents is not None:
+            g = chunk.tangents.slope[course.entry] + each[course.entry]
+            other = float(chunk.tangents.base[chunk.numbers[i]] + np.sum(np.minimum(g, 0.0)))
+            if other > bound:
+                bound, at = other, chunk.stretch[course.entry[g < 0]]
+        bounds[i] = bound
+        stretches.append(at)
+    return Answer(bounds, stretches)
+
+
+def visit_counts(answers: Sequence[Answer], stretches: int) -> np.ndarray:
+    """(S,) looks that the plans of all answers take on every stretch.
+
+    Parameters
+    ----------
+    answers : of chunks
+    stretches : S
+    """
+    found = np.zeros(stretches)
+    for given in answers:
+        for at in given.stretches:
+            np.add.at(found, at, 1.0)
+    return found
+
+
+def combined(answers: Sequence[Answer], prices: np.ndarray, capacity: np.ndarray) -> float:
+    """The lower bound that answers of all targets to the same prices prove.
+
+    Parameters
+    ----------
+    answers : of chunks that hold every target once
+    prices, capacity : (S,) of the stretches
+    """
+    return float(sum(np.sum(given.bounds) for given in answers) - prices @ capacity)
+
+
+def real_cost(course: Course, visits: np.ndarray) -> float:
+    """What a target costs with visits (n,), with what its looks cost by themselves.
+
+    Parameters
+    ----------
+    course : Course
+    visits : (n,) ascending
+    """
+    own = course.dues(np.zeros(int(np.max(course.entry, initial=-1)) + 1))
+    return cost_of(course, visits) + float(np.sum(own[visits]))

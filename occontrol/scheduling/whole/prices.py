@@ -1,0 +1,140 @@
+"""Prices of looks that make the bound on whole looks large: column generation.
+
+D(lam) = sum_i m_i(lam) - sum_s lam_s c_s is a lower bound for all lam >= 0. Every plan of a target says
+m_i(lam) <= a + lam.u for all lam, a what it costs and u how often it looks on each stretch; the largest D that these lines
+allow is a linear programme, whose prices, mixed with the best so far, are tried next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csc_array, hstack
+
+WIDE, WIDER, NARROWER, GAINED = 0.5, 1.5, 0.6, 0.1  # the box of prices, relative to them
+LEAST = 1e-3  # of the cost of a stretch, that a price is wide at least
+KEPT = 14  # lines of a target that stay
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What all targets say to prices.
+
+    Parameters
+    ----------
+    bounds : (T,) m_i from below
+    stretches : for every target, the stretch of each look of its plan
+    """
+
+    bounds: np.ndarray
+    stretches: list[np.ndarray]
+
+
+@dataclass
+class Found:
+    """The best prices so far.
+
+    Parameters
+    ----------
+    prices : (S,)
+    bound : D
+    bounds : (T,) m_i
+    rounds : how many prices were tried
+    """
+
+    prices: np.ndarray
+    bound: float = -np.inf
+    bounds: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    rounds: int = 0
+    model: float = np.inf
+
+
+class Lines:
+    """The lines a + lam.u of all targets, and the linear programme on them."""
+
+    def __init__(self, targets: int, capacity: np.ndarray):
+        self.capacity = np.asarray(capacity, dtype=float)
+        self._known: list[dict[bytes, tuple[float, np.ndarray]]] = [{} for _ in range(targets)]
+        self._all: tuple[np.ndarray, np.ndarray, csc_array] | None = None
+
+    def add(self, prices: np.ndarray, answer: Answer) -> None:
+        """The lines that an answer to prices (S,) shows."""
+        for i, (bound, at) in enumerate(zip(answer.bounds, answer.stretches, strict=True)):
+            key = at.tobytes()
+            cost = float(bound - np.sum(prices[at]))
+            old = self._known[i].get(key)
+            if old is None or cost < old[0]:
+                self._known[i][key] = cost, at
+
+    def best(self, centre: np.ndarray, width: np.ndarray) -> tuple[float, np.ndarray]:
+        """The largest D that the lines allow near prices, and its prices (S,).
+
+        Parameters
+        ----------
+        centre, width : (S,) prices differ from the centre by at most the width; lines that are far above the lowest
+            at the centre are forgotten
+        """
+        cost, own, rows, columns = [], [], [], []
+        for i, known in enumerate(self._known):
+            if len(known) > 2 * KEPT:
+                height = {key: a + float(np.sum(centre[at])) for key, (a, at) in known.items()}
+                for key in sorted(known, key=height.__getitem__)[KEPT:]:
+                    del known[key]
+            for a, at in known.values():
+                columns.append(at)
+                rows.append(np.full(len(at), len(cost)))
+                cost.append(a)
+                own.append(i)
+        C, S, T = len(cost), len(self.capacity), len(self._known)
+        share = csc_array((np.ones(C), (np.arange(C), np.array(own))), shape=(C, T))
+        u = csc_array((-np.ones(sum(map(len, rows))), (np.concatenate(rows), np.concatenate(columns))), shape=(C, S))
+        low, high = np.maximum(centre - width, 0.0), centre + width
+        limits = [(None, None)] * T + list(zip(low, high, strict=True))
+        found = linprog(
+            np.concatenate([-np.ones(T), self.capacity]), A_ub=hstack([share, u], format="csc"), b_ub=np.array(cost),
+            bounds=limits, method="highs",
+        )  # fmt: skip
+        if found.status != 0:
+            return np.inf, centre
+        return -float(found.fun), np.clip(found.x[T:], low, high)
+
+
+def raise_bound(
+    ask: Callable[[np.ndarray], Answer],
+    lines: Lines,
+    start: np.ndarray,
+    rounds: int,
+    gap: float,
+    stop: Callable[[Found], bool] = lambda found: False,
+) -> Found:
+    """Prices with a large D.
+
+    Parameters
+    ----------
+    ask : answers prices (S,)
+    lines : that are known already; every target needs one of no look at all, or of looks that fit
+    start : (S,) prices to begin with
+    rounds : at most
+    gap : relative, between D and what the lines allow
+    stop : whether to leave earlier
+    """
+    found = Found(start)
+    prices, share, expected = start, WIDE, np.inf
+    for _ in range(rounds):
+        answer = ask(prices)
+        found.rounds += 1
+        bound = float(np.sum(answer.bounds) - prices @ lines.capacity)
+        share = share * (WIDER if bound - found.bound > GAINED * (expected - found.bound) else NARROWER)
+        if bound > found.bound:
+            found.bound, found.prices, found.bounds = bound, prices, answer.bounds
+        lines.add(prices, answer)
+        least = LEAST * max(float(np.sum(np.abs(found.bounds))), 1e-300) / max(len(prices), 1)
+        width = min(share, WIDE) * (found.prices + np.mean(found.prices) + least)
+        expected, prices = lines.best(found.prices, width)
+        found.model = expected
+        if expected - found.bound <= gap * abs(found.bound) or stop(found):
+            break
+    return found
