@@ -166,7 +166,7 @@ def _least(A, onward, a, z):
 
 
 @njit(**OPTIONS)
-def _onward(p, visit, lump, due, rest, value, onward):
+def onward_from(p, visit, lump, due, rest, value, onward):
     """onward (P+1,) <- the least that follows from a visit at q > p on, the last one at p; nothing for the end."""
     P = len(visit) - 1
     for q in range(p + 1, P):
@@ -184,7 +184,7 @@ def _backward(arcs, rest, first, never, lump, visit, due, value):
     P, C = len(visit) - 1, rest.shape[1]
     onward = np.empty(P + 1)
     for p in range(P - 1, -1, -1):
-        _onward(p, visit, lump, due, rest, value, onward)
+        onward_from(p, visit, lump, due, rest, value, onward)
         for v in range(visit[p], visit[p + 1]):
             for c in range(C - 1 if p == 0 else 0, C):
                 value[v, c] = _least(arcs[v, c], onward, p + 1, P + 1)

@@ -1,0 +1,121 @@
+"""Covariances that lie below two others: for labels that are merged."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from occontrol.scheduling.whole.kernels import OPTIONS
+
+SWEEPS = 12
+SMALL = 1e-15
+
+
+@njit(**OPTIONS)
+def _positive(at, n, X, E):
+    """Whether the block that begins at X[at], packed, is positive semidefinite; E (n, n) work space."""
+    i = at
+    for r in range(n):
+        for c in range(r + 1):
+            E[r, c] = X[i]
+            i += 1
+    for k in range(n):
+        if E[k, k] < 0.0:
+            return False
+        for r in range(k + 1, n):
+            if E[k, k] == 0.0:
+                if E[r, k] != 0.0:
+                    return False
+                continue
+            f = E[r, k] / E[k, k]
+            for c in range(k + 1, r + 1):
+                E[r, c] -= f * E[c, k]
+    return True
+
+
+@njit(**OPTIONS)
+def above(sizes, A, B, X, E):
+    """Whether A >= B, block by block; packed (D,), X (D,) and E (n, n) work space."""
+    for i in range(len(A)):
+        X[i] = A[i] - B[i]
+    at = 0
+    for b in range(len(sizes)):
+        n = sizes[b, 0]
+        if not _positive(at, n, X, E):
+            return False
+        at += n * (n + 1) // 2
+    return True
+
+
+@njit(**OPTIONS)
+def _part(n, E, U, scale, at, A):
+    """A[at:] <- A - D E+ D for E (n, n), D = diag(scale): E+ the part of positive eigenvalues, by Jacobi's rotations."""
+    for i in range(n):
+        for j in range(n):
+            U[i, j] = 1.0 if i == j else 0.0
+    for _ in range(SWEEPS):
+        off = 0.0
+        for i in range(n):
+            for j in range(i):
+                off = max(off, abs(E[i, j]))
+        size = 0.0
+        for i in range(n):
+            size = max(size, abs(E[i, i]))
+        if off <= SMALL * size or off == 0.0:
+            break
+        for i in range(n):
+            for j in range(i):
+                if E[i, j] == 0.0:
+                    continue
+                theta = (E[j, j] - E[i, i]) / (2.0 * E[i, j])
+                t = (1.0 if theta >= 0.0 else -1.0) / (abs(theta) + np.sqrt(theta * theta + 1.0))
+                c = 1.0 / np.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(n):
+                    x, y = E[k, i], E[k, j]
+                    E[k, i], E[k, j] = c * x - s * y, s * x + c * y
+                for k in range(n):
+                    x, y = E[i, k], E[j, k]
+                    E[i, k], E[j, k] = c * x - s * y, s * x + c * y
+                for k in range(n):
+                    x, y = U[k, i], U[k, j]
+                    U[k, i], U[k, j] = c * x - s * y, s * x + c * y
+    at_ = at
+    for i in range(n):
+        for j in range(i + 1):
+            x = 0.0
+            for k in range(n):
+                if E[k, k] > 0.0:
+                    x += E[k, k] * U[i, k] * U[j, k]
+            A[at_] -= scale[i] * x * scale[j]
+            at_ += 1
+
+
+@njit(**OPTIONS)
+def meet(sizes, A, B, lowest, factor, X, E, U, scale):
+    """A <- factor times a covariance below A and B: A - (A - B)+ in the scale of A; `lowest` where that is not definite.
+
+    Packed (D,); X (D,), E, U (n, n) and scale (n,) work space. `lowest` lies below both.
+    """
+    at = 0
+    for b in range(len(sizes)):
+        n = sizes[b, 0]
+        i = at
+        for r in range(n):
+            scale[r] = np.sqrt(max(A[at + r * (r + 1) // 2 + r], 1e-300))
+        for r in range(n):
+            for c in range(r + 1):
+                E[r, c] = E[c, r] = (A[i] - B[i]) / (scale[r] * scale[c])
+                i += 1
+        _part(n, E, U, scale, at, A)
+        i = at
+        for r in range(n):
+            for c in range(r + 1):
+                A[i] *= factor
+                i += 1
+        if not _positive(at, n, A, E):
+            for i in range(at, at + n * (n + 1) // 2):
+                A[i] = lowest[i]
+        at += n * (n + 1) // 2
+    for i in range(len(A)):
+        X[i] = A[i]
