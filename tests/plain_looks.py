@@ -1,7 +1,7 @@
 """Small problems of targets, and their optimum over all schedules of whole looks by listing them, in plain NumPy.
 
-Nothing here is shared with the product: F and Q from one matrix exponential, information form, every pattern of looks of
-a target listed, patterns of two or three targets combined where they leave every resource its capacity.
+Nothing here is shared with the product: F and Q from one matrix exponential, information form, every pattern of looks
+of a target listed, patterns of two or three targets combined where they leave every resource its capacity.
 """
 
 from __future__ import annotations
@@ -126,9 +126,7 @@ def small(seed: int) -> dict:
             "output": (g.uniform(0, 1) * np.eye(1, n)).tolist(), "initial": {"covariance": np.diag(start).tolist()},
         }  # fmt: skip
         noise = {name: [[float(size * 10 ** g.uniform(-0.5, 0.5))]] for name in names}
-        targets.append(
-            {"name": f"t{i}", "model": f"m{i}", "noise": noise, "weight": float(10 ** g.uniform(-0.3, 0.3))}
-        )
+        targets.append({"name": f"t{i}", "model": f"m{i}", "noise": noise, "weight": float(10 ** g.uniform(-0.3, 0.3))})
     return {
         "family": "athans", "name": f"small {seed}",
         "horizon": {"start": 0, "end": N * h, "intervals": N, "substeps": s}, "resources": resources,

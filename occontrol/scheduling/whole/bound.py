@@ -22,7 +22,7 @@ class Effort:
     Parameters
     ----------
     rounds : prices that are tried
-    gap : relative, between the bound and what the lines of all plans allow
+    gap : relative, what the lines of all plans still expect to gain
     exact : beginnings of a target up to which its minimum is exact
     """
 
@@ -42,9 +42,7 @@ class WholeLooks:
     effort : Effort
     """
 
-    def __init__(
-        self, courses: Sequence[Course], allowed: ResourceSet, tangents: Tangents | None, effort: Effort
-    ):
+    def __init__(self, courses: Sequence[Course], allowed: ResourceSet, tangents: Tangents | None, effort: Effort):
         self.allowed, self.effort = allowed, effort
         self.stretch = np.repeat(np.arange(len(allowed.capacity)), np.diff(allowed.starts))
         self.chunk = Chunk(courses, np.arange(len(courses)), self.stretch, tangents, effort.exact)
@@ -80,7 +78,7 @@ class WholeLooks:
         for _ in range(8):
             prices = scale * start
             given = self.ask(prices)
-            lines.add(prices, given)
+            lines.add(given)
             found.rounds += 1
             value = float(np.sum(given.bounds) - prices @ self.capacity)
             if value <= found.bound:

@@ -3,8 +3,8 @@
     J* >= sum_i m_i(lam) - sum_s lam_s c_s,     lam >= 0,
 
 whatever m_i is below what target i costs at prices lam. Targets may be asked anywhere, in any order and at any time;
-what they answer to the same prices adds up. m_i is the larger of two bounds: that of whole looks (forgetful.py, exact
-where the target is small), and that of the tangent of its cost at shares v of looks,
+what they answer to the same prices adds up. m_i is the larger of two bounds: that of whole looks (forgetful.py,
+labels.py, exact where the target is small), and that of the tangent of its cost at shares v of looks,
 
     m_i >= J_i(v) - g_i.v + sum_e min(0, g_e + lam_e).
 """
@@ -19,6 +19,7 @@ import numpy as np
 
 from occontrol.scheduling.whole.courses import Course
 from occontrol.scheduling.whole.forgetful import Tables, cost_of, plan, tables
+from occontrol.scheduling.whole.labels import refined
 from occontrol.scheduling.whole.prefixes import Beginnings, beginnings
 from occontrol.scheduling.whole.prices import Answer
 
@@ -48,6 +49,7 @@ class Chunk:
     stretch : (E,) number of the stretch of every look of the problem
     tangents : of all targets of the problem, or None
     exact : beginnings of a target up to which its minimum is exact; 0 for none
+    buckets : labels of a visit that stay apart; 0: no labels (labels.py)
     """
 
     courses: Sequence[Course]
@@ -55,6 +57,7 @@ class Chunk:
     stretch: np.ndarray
     tangents: Tangents | None = None
     exact: int = 0
+    buckets: int = 0
 
     @cached_property
     def known(self) -> list[Beginnings | Tables]:
@@ -76,23 +79,23 @@ def answer(chunk: Chunk, prices: np.ndarray) -> Answer:
     prices : (S,) lam >= 0 of every stretch
     """
     each = prices[chunk.stretch]
-    bounds, stretches = np.empty(len(chunk.courses)), []
+    bounds, costs, stretches = np.empty(len(chunk.courses)), np.empty(len(chunk.courses)), []
     for i, (course, table) in enumerate(zip(chunk.courses, chunk.known, strict=True)):
         due = course.dues(each)
         if isinstance(table, Beginnings):
-            bound, visits = table.best(due)
+            bounds[i], visits = table.best(due)
         else:
             found = plan(course, table, due)
-            bound, visits = found.bound, found.visits
-        at = chunk.stretch[course.looks_of(visits)]
+            if chunk.buckets:
+                ceiling = cost_of(course, found.visits) + float(np.sum(due[found.visits]))
+                found, _ = refined(course, table, due, ceiling, chunk.buckets, found)
+            bounds[i], visits = found.bound, found.visits
+        costs[i] = real_cost(course, visits)
+        stretches.append(chunk.stretch[course.entry[course.looks_of(visits)]])
         if chunk.tangents is not None:
             g = chunk.tangents.slope[course.entry] + each[course.entry]
-            other = float(chunk.tangents.base[chunk.numbers[i]] + np.sum(np.minimum(g, 0.0)))
-            if other > bound:
-                bound, at = other, chunk.stretch[course.entry[g < 0]]
-        bounds[i] = bound
-        stretches.append(at)
-    return Answer(bounds, stretches)
+            bounds[i] = max(bounds[i], chunk.tangents.base[chunk.numbers[i]] + np.sum(np.minimum(g, 0.0)))
+    return Answer(bounds, costs, stretches)
 
 
 def visit_counts(answers: Sequence[Answer], stretches: int) -> np.ndarray:
@@ -129,5 +132,4 @@ def real_cost(course: Course, visits: np.ndarray) -> float:
     course : Course
     visits : (n,) ascending
     """
-    own = course.dues(np.zeros(int(np.max(course.entry, initial=-1)) + 1))
-    return cost_of(course, visits) + float(np.sum(own[visits]))
+    return cost_of(course, visits) + float(np.sum(course.price[course.looks_of(visits)]))

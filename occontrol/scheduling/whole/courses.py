@@ -80,15 +80,13 @@ class Course:
         """
         return _dues(self.price + prices[self.entry], self.member, self.look)
 
-    def looks_of(self, visits: Sequence[int]) -> np.ndarray:
-        """The weights of the whole problem that visits stand for, all looks of each; several as what they are paid."""
+    def looks_of(self, visits: Sequence[int] | np.ndarray) -> np.ndarray:
+        """The looks that visits stand for, as numbers in `entry`."""
         found = [self.look[self.member[v] : self.member[v + 1]] for v in visits]
-        return self.entry[np.concatenate(found)] if found else np.zeros(0, dtype=np.int64)
+        return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
 
-def courses(
-    data: Singles, interval: np.ndarray, target: np.ndarray, price: np.ndarray, substeps: int
-) -> list[Course]:
+def courses(data: Singles, interval: np.ndarray, target: np.ndarray, price: np.ndarray, substeps: int) -> list[Course]:
     """Every target of a problem.
 
     Parameters

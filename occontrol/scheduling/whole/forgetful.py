@@ -23,7 +23,16 @@ from numba import njit
 
 from occontrol.scheduling.whole.courses import Course
 from occontrol.scheduling.whole.kernels import (
-    DEFLATED, OPTIONS, begin, ending, finish, gaps, pack, space, start, take,
+    DEFLATED,
+    OPTIONS,
+    begin,
+    ending,
+    finish,
+    gaps,
+    pack,
+    space,
+    start,
+    take,
 )  # fmt: skip
 
 SINGLE = 5  # gaps, in open intervals, that have a lump of their own
@@ -166,11 +175,11 @@ def _least(A, onward, a, z):
 
 
 @njit(**OPTIONS)
-def onward_from(p, visit, lump, due, rest, value, onward):
-    """onward (P+1,) <- the least that follows from a visit at q > p on, the last one at p; nothing for the end."""
-    P = len(visit) - 1
+def onward_from(p, last, visit, lump, due, rest, value, onward):
+    """onward (P+1,) <- the least that follows from a visit at q > p on, the one before at `last`; 0 for the end."""
+    P, C = len(visit) - 1, rest.shape[1]
     for q in range(p + 1, P):
-        b = lump[q - p]
+        b = lump[q - last] if last >= 0 else C - 1
         x = np.inf
         for w in range(visit[q], visit[q + 1]):
             x = min(x, due[w] + rest[w, b] + value[w, b])
@@ -184,7 +193,7 @@ def _backward(arcs, rest, first, never, lump, visit, due, value):
     P, C = len(visit) - 1, rest.shape[1]
     onward = np.empty(P + 1)
     for p in range(P - 1, -1, -1):
-        onward_from(p, visit, lump, due, rest, value, onward)
+        onward_from(p, p, visit, lump, due, rest, value, onward)
         for v in range(visit[p], visit[p + 1]):
             for c in range(C - 1 if p == 0 else 0, C):
                 value[v, c] = _least(arcs[v, c], onward, p + 1, P + 1)
@@ -284,7 +293,13 @@ def cost_of(course: Course, visits: np.ndarray) -> float:
     """
     return float(
         _cost(
-            course.data, course.substeps, course.intervals, course.interval, course.visit, course.member, course.look,
+            course.data,
+            course.substeps,
+            course.intervals,
+            course.interval,
+            course.visit,
+            course.member,
+            course.look,
             np.asarray(visits, dtype=np.int64),
         )
     )

@@ -216,8 +216,8 @@ def _charge(data, which, factor, Phi, t, M):
 def gaps(data, s, intervals, interval, M):
     """What gaps cost, as linear functions of the covariances after a visit.
 
-    M (P, D + 1, P + 1): [p, :, q] from the end of interval p to the first charge of interval q > p; [p, :, P] to the end of
-    time. Number D is the constant.
+    M (P, D + 1, P + 1): [p, :, q] from the end of interval p to the first charge of interval q > p; [p, :, P] to the
+    end of time. Number D is the constant.
     """
     t, _, total = space(data)
     Phi, Y = np.empty(total), np.empty(total)

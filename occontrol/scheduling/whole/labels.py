@@ -3,7 +3,7 @@
 A label is a beginning that ends with a visit v: what it has cost and the covariance after v. It goes on to every later
 visit that the dynamic programme of forgetful.py, which is a lower bound of what follows, does not rule out: what
 reaches the cost of a plan that is known is left. Labels of a visit whose covariances are worth about the same are
-merged into one with the lesser cost and a covariance below both (meets.py), so that the least of all stays a lower bound.
+merged into one with the lesser cost and a covariance below both (meets.py), so that the least of all stays a bound.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _search(
                     sizes, v, T[v, C - 1], x, -1, gap[p], min(p + ahead, P), T[v, 0], low, per, B, held, cost, worth,
                     parent, X, E, U, scale,
                 )  # fmt: skip
-        onward_from(p, visit, lump, due, rest, value, onward)
+        onward_from(p, p, visit, lump, due, rest, value, onward)
         for label in range(visit[p] * B, visit[p + 1] * B):
             c = cost[label]
             if c == np.inf:
@@ -134,7 +134,9 @@ def _insert(sizes, v, S, c, origin, gap, r, lowest, low, per, B, held, cost, wor
         worth[label], parent[label] = c + x, origin
 
 
-def refined(course: Course, table: Tables, due: np.ndarray, ceiling: float, buckets: int) -> tuple[Plan, int]:
+def refined(
+    course: Course, table: Tables, due: np.ndarray, ceiling: float, buckets: int, rough: Plan | None = None
+) -> tuple[Plan, int]:
     """The least that a target costs with visits at `due` (V,), from below, and how many labels that took.
 
     Parameters
@@ -144,10 +146,11 @@ def refined(course: Course, table: Tables, due: np.ndarray, ceiling: float, buck
     due : (V,) what a visit costs, not negative
     ceiling : what some plan costs at these prices
     buckets : labels of a visit that stay apart
+    rough : `plan` of the same, where it is known
     """
-    rough = plan(course, table, due)
+    rough = plan(course, table, due) if rough is None else rough
     if not rough.bound < ceiling:
-        return Plan(ceiling, rough.visits, rough.value), 0
+        return rough, 0
     ahead = max(1, round(len(course.interval) / (len(rough.visits) + 1)))
     bound, label, parent, count = _search(
         course.data, course.substeps, course.intervals, course.interval, course.visit, course.member, course.look,
@@ -158,4 +161,5 @@ def refined(course: Course, table: Tables, due: np.ndarray, ceiling: float, buck
     while label >= 0:
         visits.append(label // buckets)
         label = parent[label]
-    return Plan(max(rough.bound, min(float(bound), ceiling)), np.array(visits[::-1], dtype=np.int64), rough.value), count
+    least = max(rough.bound, min(float(bound), ceiling))
+    return Plan(least, np.array(visits[::-1], dtype=np.int64), rough.value), count

@@ -49,7 +49,7 @@ def above(sizes, A, B, X, E):
 
 @njit(**OPTIONS)
 def _part(n, E, U, scale, at, A):
-    """A[at:] <- A - D E+ D for E (n, n), D = diag(scale): E+ the part of positive eigenvalues, by Jacobi's rotations."""
+    """A[at:] <- A - D E+ D for E (n, n), D = diag(scale): E+ has its positive eigenvalues, by Jacobi's method."""
     for i in range(n):
         for j in range(n):
             U[i, j] = 1.0 if i == j else 0.0
@@ -93,7 +93,7 @@ def _part(n, E, U, scale, at, A):
 
 @njit(**OPTIONS)
 def meet(sizes, A, B, lowest, factor, X, E, U, scale):
-    """A <- factor times a covariance below A and B: A - (A - B)+ in the scale of A; `lowest` where that is not definite.
+    """A <- factor times a covariance below A and B, A - (A - B)+ in the scale of A; `lowest` where it is not definite.
 
     Packed (D,); X (D,), E, U (n, n) and scale (n,) work space. `lowest` lies below both.
     """
@@ -108,11 +108,8 @@ def meet(sizes, A, B, lowest, factor, X, E, U, scale):
                 E[r, c] = E[c, r] = (A[i] - B[i]) / (scale[r] * scale[c])
                 i += 1
         _part(n, E, U, scale, at, A)
-        i = at
-        for r in range(n):
-            for c in range(r + 1):
-                A[i] *= factor
-                i += 1
+        for i in range(at, at + n * (n + 1) // 2):
+            A[i] *= factor
         if not _positive(at, n, A, E):
             for i in range(at, at + n * (n + 1) // 2):
                 A[i] = lowest[i]

@@ -1,8 +1,10 @@
 """Prices of looks that make the bound on whole looks large: column generation.
 
 D(lam) = sum_i m_i(lam) - sum_s lam_s c_s is a lower bound for all lam >= 0. Every plan of a target says
-m_i(lam) <= a + lam.u for all lam, a what it costs and u how often it looks on each stretch; the largest D that these lines
-allow is a linear programme, whose prices, mixed with the best so far, are tried next.
+m_i(lam) <= a + lam.u for all lam, a what it costs and u how often it looks on each stretch. The largest D that these
+lines allow in a box around the best prices so far is a linear programme, whose prices are tried next. The box grows
+where D grew by a good share of what the lines expected, and shrinks where it did not. What is known of m_i is a lower
+bound, so that D stays below the lines; they end where they expect nothing more.
 """
 
 from __future__ import annotations
@@ -26,10 +28,12 @@ class Answer:
     Parameters
     ----------
     bounds : (T,) m_i from below
+    costs : (T,) what their plans cost, without prices
     stretches : for every target, the stretch of each look of its plan
     """
 
     bounds: np.ndarray
+    costs: np.ndarray
     stretches: list[np.ndarray]
 
 
@@ -43,13 +47,14 @@ class Found:
     bound : D
     bounds : (T,) m_i
     rounds : how many prices were tried
+    most : what the lines allow near the best prices
     """
 
     prices: np.ndarray
     bound: float = -np.inf
     bounds: np.ndarray = field(default_factory=lambda: np.zeros(0))
     rounds: int = 0
-    model: float = np.inf
+    most: float = np.inf
 
 
 class Lines:
@@ -60,17 +65,13 @@ class Lines:
         self._known: list[dict[bytes, tuple[float, np.ndarray]]] = [{} for _ in range(targets)]
         self._all: tuple[np.ndarray, np.ndarray, csc_array] | None = None
 
-    def add(self, prices: np.ndarray, answer: Answer) -> None:
-        """The lines that an answer to prices (S,) shows."""
-        for i, (bound, at) in enumerate(zip(answer.bounds, answer.stretches, strict=True)):
-            key = at.tobytes()
-            cost = float(bound - np.sum(prices[at]))
-            old = self._known[i].get(key)
-            if old is None or cost < old[0]:
-                self._known[i][key] = cost, at
+    def add(self, answer: Answer) -> None:
+        """The lines that an answer shows."""
+        for known, cost, at in zip(self._known, answer.costs, answer.stretches, strict=True):
+            known[at.tobytes()] = float(cost), at
 
-    def best(self, centre: np.ndarray, width: np.ndarray) -> tuple[float, np.ndarray]:
-        """The largest D that the lines allow near prices, and its prices (S,).
+    def best(self, centre: np.ndarray, width: np.ndarray) -> tuple[float, float, np.ndarray]:
+        """The D that the lines allow at prices, the largest near them, and the prices (S,) of that.
 
         Parameters
         ----------
@@ -78,9 +79,11 @@ class Lines:
             at the centre are forgotten
         """
         cost, own, rows, columns = [], [], [], []
+        here = -float(centre @ self.capacity)
         for i, known in enumerate(self._known):
+            height = {key: a + float(np.sum(centre[at])) for key, (a, at) in known.items()}
+            here += min(height.values())
             if len(known) > 2 * KEPT:
-                height = {key: a + float(np.sum(centre[at])) for key, (a, at) in known.items()}
                 for key in sorted(known, key=height.__getitem__)[KEPT:]:
                     del known[key]
             for a, at in known.values():
@@ -98,8 +101,8 @@ class Lines:
             bounds=limits, method="highs",
         )  # fmt: skip
         if found.status != 0:
-            return np.inf, centre
-        return -float(found.fun), np.clip(found.x[T:], low, high)
+            return here, here, centre
+        return here, -float(found.fun), np.clip(found.x[T:], low, high)
 
 
 def raise_bound(
@@ -115,26 +118,26 @@ def raise_bound(
     Parameters
     ----------
     ask : answers prices (S,)
-    lines : that are known already; every target needs one of no look at all, or of looks that fit
+    lines : that are known already; if any
     start : (S,) prices to begin with
     rounds : at most
-    gap : relative, between D and what the lines allow
+    gap : relative, what the lines expect to gain
     stop : whether to leave earlier
     """
     found = Found(start)
-    prices, share, expected = start, WIDE, np.inf
+    prices, share, expected = start, WIDE, 0.0
     for _ in range(rounds):
-        answer = ask(prices)
+        given = ask(prices)
         found.rounds += 1
-        bound = float(np.sum(answer.bounds) - prices @ lines.capacity)
-        share = share * (WIDER if bound - found.bound > GAINED * (expected - found.bound) else NARROWER)
+        bound = float(np.sum(given.bounds) - prices @ lines.capacity)
+        share = min(WIDE, share * (WIDER if bound - found.bound > GAINED * expected else NARROWER))
         if bound > found.bound:
-            found.bound, found.prices, found.bounds = bound, prices, answer.bounds
-        lines.add(prices, answer)
-        least = LEAST * max(float(np.sum(np.abs(found.bounds))), 1e-300) / max(len(prices), 1)
-        width = min(share, WIDE) * (found.prices + np.mean(found.prices) + least)
-        expected, prices = lines.best(found.prices, width)
-        found.model = expected
-        if expected - found.bound <= gap * abs(found.bound) or stop(found):
+            found.bound, found.prices, found.bounds = bound, prices, given.bounds
+        lines.add(given)
+        least = LEAST * float(np.sum(np.abs(found.bounds))) / max(len(prices), 1)
+        width = share * (found.prices + np.mean(found.prices) + least)
+        here, found.most, prices = lines.best(found.prices, width)
+        expected = found.most - here
+        if expected <= gap * abs(found.bound) or stop(found):
             break
     return found

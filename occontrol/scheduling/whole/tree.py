@@ -1,7 +1,7 @@
 """The best schedule of whole looks, proven: depth first over intervals and targets, where targets are small.
 
-A node has decided some visits. With the costs to go V_i of the beginnings (prefixes.py) at prices lam, no schedule below
-it costs less than
+A node has decided some visits. With the costs to go V_i of the beginnings (prefixes.py) at prices lam, no schedule
+below it costs less than
 
     sum_i [what i has cost so far + V_i] - sum_s lam_s (looks that stretch s has left),    s not yet decided.
 
@@ -45,7 +45,7 @@ def _search(
     owner, place, level_at, choices_at, levels, choices, nodes_at, cost, value, visit_at, visits, paid, member_at,
     members, look_at, looks, stretch, close_at, closes, left, lam, roots, best, gap, most,
 ):  # fmt: skip
-    """Decisions d = 0 .. in order of time: open interval `place` of target `owner`. See Outcome for what is returned."""
+    """Decisions d = 0 .. in order of time: open interval `place` of target `owner`. What is returned: see `search`."""
     depth = len(owner)
     node = roots.copy()  # of every target
     at = np.zeros(depth + 1, dtype=np.int64)  # the next child that is tried
@@ -199,13 +199,12 @@ def search(
     found, best, cut, tried, finished, chosen = _search(
         owner, place, starts(level), starts(choices), joined(level), joined(choices), starts(cost), joined(cost),
         joined(value), starts(visits), joined(visits), joined(paid), starts(members), joined(members), starts(looks),
-        joined(looks), joined(at_look), close_at, closing, np.array(capacity, dtype=np.int64), prices, np.zeros(T, dtype=np.int64),
-        float(known), gap, most,
+        joined(looks), joined(at_look), close_at, closing, np.array(capacity, dtype=np.int64), prices,
+        np.zeros(T, dtype=np.int64), float(known), gap, most,
     )  # fmt: skip
     taken = None
     if found:
-        taken = np.concatenate(
-            [trees[i].course.looks_of([int(v)]) for i, v in zip(owner, chosen, strict=True) if v >= 0]
-            or [np.zeros(0, dtype=np.int64)]
-        )
+        pairs = [(trees[i].course, int(v)) for i, v in zip(owner, chosen, strict=True) if v >= 0]
+        each = [c.entry[c.looks_of([v])] for c, v in pairs]
+        taken = np.concatenate(each) if each else np.zeros(0, dtype=np.int64)
     return Outcome(float(best) if found else np.inf, taken, float(min(cut, best)), int(tried), bool(finished))

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from occontrol.core.monitor import Monitor
 from occontrol.families.athans.targets.fill import Filled
 from occontrol.scheduling.blocks.single import singles
 from occontrol.scheduling.blocks.sweep import BlockSweep
-from occontrol.scheduling.whole.bound import Effort, WholeLooks
+from occontrol.scheduling.relaxation import RelaxedOutcome
+from occontrol.scheduling.whole.bound import Effort, WholeLooks, relaxed_prices
 from occontrol.scheduling.whole.certificate import Tangents
 from occontrol.scheduling.whole.courses import courses
+from occontrol.scheduling.whole.index import price_index
+from occontrol.scheduling.whole.prefixes import MOST, Beginnings
+from occontrol.scheduling.whole.prices import Found
+from occontrol.scheduling.whole.tree import search
+
+CONTEXTS = 16  # lumps of gaps that a target has, about
+MOST_BYTES = 1.5e9  # of the tables of all targets
+MOST_LOOKS = 200  # up to which a problem is small enough to ask for the trees of its targets
+CLOSED = 1e-9  # relative gap that is none
+NODES = 3_000_000
 
 
 def tangents_at(filled: Filled, sweep: BlockSweep, weights: np.ndarray) -> Tangents:
@@ -43,3 +57,106 @@ def whole_looks(filled: Filled, sweep: BlockSweep, weights: np.ndarray, effort: 
     data = singles(filled.groups, filled.owners, filled.problem.targets, filled.steps, filled.charges)
     each = courses(data, looks.interval, looks.target, looks.price, filled.substeps)
     return WholeLooks(each, filled.allowed, tangents_at(filled, sweep, weights), effort)
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """What is known about schedules of whole looks.
+
+    Parameters
+    ----------
+    bound : no schedule of whole looks costs less
+    size : of the numbers that the bound is the difference of, for what rounding does to it
+    prices : (S,) of the stretches
+    rounds : prices that were tried
+    weights : (E, 1) of a schedule that is worth looking at, if any
+    nodes : of the tree, None where there was none
+    proven : whether the tree has left nothing untried
+    """
+
+    bound: float
+    size: float
+    prices: np.ndarray
+    rounds: int
+    weights: np.ndarray | None = None
+    nodes: int | None = None
+    proven: bool = False
+
+
+def fits(filled: Filled) -> bool:
+    """Whether tables of all targets fit in memory and in a reasonable time."""
+    looks, problem = filled.looks, filled.problem
+    real = looks.target >= 0
+    if not np.any(real):
+        return False
+    key = looks.target[real].astype(np.int64) * problem.intervals + looks.interval[real]
+    visits = np.bincount(looks.target[real], minlength=problem.targets).astype(float)
+    open_ = np.bincount(np.unique(key) // problem.intervals, minlength=problem.targets).astype(float)
+    return 8 * float(np.sum((1.5 * visits * CONTEXTS + 12 * open_) * open_)) <= MOST_BYTES
+
+
+def bound_whole(
+    filled: Filled, sweep: BlockSweep, relaxed: RelaxedOutcome, monitor: Monitor, walk: bool
+) -> Whole | None:
+    """The bound on whole looks, and with `walk` the schedule of the price index; None where it would take too much.
+
+    Parameters
+    ----------
+    filled : the problem
+    sweep : over its blocks
+    relaxed : its relaxation
+    monitor : Monitor
+    walk : whether a schedule is asked for
+    """
+    if monitor.stop or not np.isfinite(relaxed.cost) or not fits(filled):
+        return None
+    monitor.stage = "whole looks"
+    ready = whole_looks(filled, sweep, relaxed.weights, Effort())
+    start = relaxed_prices(relaxed.gradient, filled.allowed)
+
+    def stop(found: Found) -> bool:
+        monitor.report(found.rounds, relaxed.cost, found.bound, stage="whole looks")
+        return monitor.stop
+
+    found = ready.bound(start, stop)
+    weights = price_index(ready.chunk, filled.allowed, found.prices) if walk and not monitor.stop else None
+    size = float(np.sum(np.abs(found.bounds)) + found.prices @ ready.capacity)
+    return Whole(found.bound, size, found.prices, found.rounds, weights)
+
+
+def by_tree(
+    filled: Filled, sweep: BlockSweep, relaxed: RelaxedOutcome, known: Whole, best: np.ndarray, monitor: Monitor
+) -> Whole:
+    """The same with what the tree proves, where every target is small: it is gone through whatever a bound says.
+
+    Parameters
+    ----------
+    filled : the problem
+    sweep : over its blocks
+    relaxed : its relaxation
+    known : of `bound_whole`
+    best : (E, 1) the best schedule of whole looks that is known
+    monitor : Monitor
+    """
+    cost = sweep.cost(best)
+    if monitor.stop or known.bound >= cost - CLOSED * abs(cost):
+        return known
+    looks = filled.looks
+    if np.sum(looks.target >= 0) > MOST_LOOKS:
+        return known
+    ready = whole_looks(filled, sweep, relaxed.weights, Effort(exact=MOST))
+    if not ready.chunk.exactly:
+        return known
+    monitor.stage = "tree"
+    found = ready.bound(known.prices, lambda found: monitor.stop)
+    size = max(known.size, float(np.sum(np.abs(found.bounds)) + found.prices @ ready.capacity))
+    trees = [t for t in ready.chunk.known if isinstance(t, Beginnings)]
+    done = search(trees, ready.stretch, ready.capacity, found.prices, cost, CLOSED, NODES)
+    weights = None
+    if done.looks is not None:
+        weights = np.zeros(filled.allowed.shape)
+        weights[done.looks] = 1.0
+        sums = np.add.reduceat(weights[:, 0], filled.allowed.starts[:-1])
+        weights[filled.allowed.rest, 0] = filled.allowed.capacity - sums
+    bound = max(known.bound, found.bound, done.bound)
+    return Whole(bound, size, found.prices, known.rounds + found.rounds, weights, done.nodes, done.finished)
