@@ -18,10 +18,11 @@ from functools import cached_property
 import numpy as np
 
 from occontrol.scheduling.whole.courses import Course
-from occontrol.scheduling.whole.forgetful import Tables, cost_of, plan, tables
+from occontrol.scheduling.whole.forgetful import cost_of, plan
 from occontrol.scheduling.whole.labels import refined
 from occontrol.scheduling.whole.prefixes import Beginnings, beginnings
 from occontrol.scheduling.whole.prices import Answer
+from occontrol.scheduling.whole.tables import Tables, tables
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,9 @@ from numba import njit
 from occontrol.scheduling.blocks.resources import ResourceSet
 from occontrol.scheduling.whole.certificate import Chunk
 from occontrol.scheduling.whole.courses import Course
-from occontrol.scheduling.whole.forgetful import Tables, onward_from, plan
+from occontrol.scheduling.whole.forgetful import onward_from, plan
 from occontrol.scheduling.whole.kernels import OPTIONS, begin, finish, pack, space, start, take
+from occontrol.scheduling.whole.tables import Tables
 
 
 @njit(**OPTIONS)

@@ -12,9 +12,10 @@ import numpy as np
 from numba import njit
 
 from occontrol.scheduling.whole.courses import Course
-from occontrol.scheduling.whole.forgetful import Plan, Tables, onward_from, plan
+from occontrol.scheduling.whole.forgetful import Plan, onward_from, plan
 from occontrol.scheduling.whole.kernels import DEFLATED, OPTIONS, begin, finish, pack, space, take, unpack
 from occontrol.scheduling.whole.meets import above, meet
+from occontrol.scheduling.whole.tables import Tables
 
 
 @njit(**OPTIONS)

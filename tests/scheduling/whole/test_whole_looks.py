@@ -15,9 +15,10 @@ from occontrol.families.athans.targets.whole import whole_looks
 from occontrol.scheduling.blocks.relaxation import relax
 from occontrol.scheduling.whole.bound import Effort, WholeLooks, relaxed_prices
 from occontrol.scheduling.whole.certificate import Chunk, answer, combined, real_cost, visit_counts
-from occontrol.scheduling.whole.forgetful import cost_of, plan, tables
+from occontrol.scheduling.whole.forgetful import cost_of, plan
 from occontrol.scheduling.whole.labels import refined
 from occontrol.scheduling.whole.prefixes import beginnings
+from occontrol.scheduling.whole.tables import tables
 from occontrol.scheduling.whole.tree import search
 from tests.plain_looks import optimum, small
 from tests.target_problems import read
