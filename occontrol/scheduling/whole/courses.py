@@ -81,7 +81,7 @@ class Course:
         return _dues(self.price + prices[self.entry], self.member, self.look)
 
     def looks_of(self, visits: Sequence[int] | np.ndarray) -> np.ndarray:
-        """The looks that visits stand for, as numbers in `entry`."""
+        """The looks that visits (n,) stand for, as numbers in `entry`."""
         found = [self.look[self.member[v] : self.member[v + 1]] for v in visits]
         return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 

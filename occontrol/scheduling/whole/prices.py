@@ -58,7 +58,13 @@ class Found:
 
 
 class Lines:
-    """The lines a + lam.u of all targets, and the linear programme on them."""
+    """The lines a + lam.u of all targets, and the linear programme on them.
+
+    Parameters
+    ----------
+    targets : T
+    capacity : (S,) looks of every stretch
+    """
 
     def __init__(self, targets: int, capacity: np.ndarray):
         self.capacity = np.asarray(capacity, dtype=float)
