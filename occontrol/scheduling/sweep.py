@@ -205,6 +205,29 @@ class Sweep:
         """Whether scheduling/exchange.py applies: W is given, a decision is one step, all covariances fit in memory."""
         return self._criterion is None and self.recursion.owner is None and self._segment >= len(self.recursion.steps)
 
+    @property
+    def root(self) -> np.ndarray | None:
+        """V (p, n), V'V = W before the last predict; None under a criterion or where not all covariances are kept."""
+        return None if self._criterion is not None or self._segment < len(self.recursion.steps) else self._root
+
+    @property
+    def constant(self) -> float:
+        """tr(W Q) of the last predict."""
+        return self._terminal_noise
+
+    def onward(self, start: np.ndarray, k0: int, k1: int, weights: np.ndarray) -> tuple[float, np.ndarray]:
+        """The running cost of steps k0 .. k1-1, and S+ (n, n) after them.
+
+        Parameters
+        ----------
+        start : (n, n) S+ before step k0
+        k0, k1 : steps
+        weights : (N, M)
+        """
+        self._S[:, : self._n] = start
+        running = self._forward(k0, k1, self._on_steps(weights), self._none)
+        return running, self._S[:, : self._n].copy()
+
     def remember_products(self) -> None:
         """Make every later `cost_and_gradient` keep S+ and, without a running weight, G = C S+ V' of all rows."""
         if not self.dense and not len(self._products):

@@ -43,6 +43,7 @@ class Hull:
     multipliers : of the last master
     plans : columns, with their `shares`
     rounds : calls of the oracle
+    line : constant and gradient (N, C) of the linear function behind the bound, where it is no tangent's; or None
     """
 
     lower_bound: float
@@ -52,6 +53,7 @@ class Hull:
     plans: list[Plan] = field(default_factory=list)
     shares: np.ndarray = field(default_factory=lambda: np.empty(0))
     rounds: int = 0
+    line: tuple[float, np.ndarray] | None = None
 
 
 @dataclass(frozen=True)
@@ -125,6 +127,7 @@ def hull(
     options: HullOptions,
     seen: Callable[[Plan], None],
     monitor: Monitor,
+    taken: Callable[[Tangent], None] = lambda at: None,
 ) -> Hull:
     """The decomposition, from a policy on.
 
@@ -136,6 +139,7 @@ def hull(
     options : HullOptions
     seen : called with every new plan of the oracle
     monitor : Monitor
+    taken : called with the tangent of every mixture
     """
     v, multipliers, plans = start
     plans = list(plans)
@@ -149,6 +153,7 @@ def hull(
     scale = max(task.size(abs(task.goal.observation * at.linear) + abs(task.goal.error * at.error)), 1e-300)
     while True:
         found.rounds += 1
+        taken(at)
         multipliers = multipliers.padded(len(rows.known))
         bound, plan = bound_at(task, rows, at, multipliers, mask)
         if bound > found.lower_bound:
@@ -228,3 +233,19 @@ def _judged(task: Task, rows: Rows, plans: list[Plan], shares: np.ndarray, at: T
         return np.inf
     switching = float(sum(s * p.switching for p, s in zip(plans, shares, strict=True)))
     return max(task.goal.observation * at.linear + task.goal.error * at.error + switching, mixed)
+
+
+def filled(found: Hull) -> np.ndarray:
+    """Shares of all plans, zero for those that no master has seen."""
+    return np.pad(found.shares, (0, len(found.plans) - len(found.shares)))
+
+
+def inherited(found: Hull, mask: np.ndarray) -> tuple[np.ndarray, Multipliers, list[Plan]]:
+    """Where the hull of a narrower mask (N, A) begins: at the mixture, without the schedules that are forbidden."""
+    rows = np.arange(len(mask))
+    kept = [(p, s) for p, s in zip(found.plans, filled(found), strict=True) if np.all(mask[rows, p.actions])]
+    plans, shares, v = [p for p, _ in kept], np.array([s for _, s in kept]), found.tangent.weights
+    if plans:
+        shares = shares / np.sum(shares) if np.sum(shares) > 0 else np.full(len(plans), 1 / len(plans))
+        v = np.einsum("p,pnc->nc", shares, np.array([p.weights for p in plans]))
+    return v, found.multipliers, plans

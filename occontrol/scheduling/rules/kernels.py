@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 OPTIONS = {"cache": True, "nogil": True}
@@ -54,3 +55,25 @@ def along(before, tail, last, path):
     for k in range(path.shape[0], 0, -1):
         path[k - 1] = before[k, state]
         state = tail[before[k, state]]
+
+
+@njit(**OPTIONS)
+def walk(table, begin, head, group, cost, labels, start, final):
+    """What the changes of the one path cost whose actions belong to the groups `labels` (N,); inf where there is none.
+
+    begin (T, Q+1) where the transitions of a state begin, head, group, cost (E,); NaN where groups do not tell paths
+    apart
+    """
+    state, total = start, 0.0
+    for k in range(labels.shape[0]):
+        t, taken = table[k], -1
+        for e in range(begin[t, state], begin[t, state + 1]):
+            if group[e] == labels[k]:
+                if taken >= 0:
+                    return np.nan
+                taken = e
+        if taken < 0:
+            return np.inf
+        total += cost[taken]
+        state = head[taken]
+    return total if final[state] else np.inf

@@ -34,9 +34,7 @@ class CriterionModel:
     penalty : rho, of the limit
     """
 
-    def __init__(
-        self, true: CriterionSweep | PeakSweep, lost: float, limit: float | None = None, penalty: float = 0.0
-    ):
+    def __init__(self, true: CriterionSweep | PeakSweep, lost: float, limit: float | None = None, penalty: float = 0.0):
         self.true, self.lost, self.limit, self.penalty = true, lost, limit, penalty
         whole = true.with_limit(limit, penalty) if limit is not None and isinstance(true, PeakSweep) else true
         smooth = whole.corners and whole.spread > 0

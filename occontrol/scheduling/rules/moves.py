@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.scheduling.rules.block_cost import BlockCost
 from occontrol.scheduling.rules.check import RELATIVE as RELATIVE_CAP
 from occontrol.scheduling.rules.check import keeps, segments, switching_cost, uses
 from occontrol.scheduling.rules.grid import counts
@@ -56,6 +57,7 @@ class Mover:
         self._label = {sets[g].tobytes(): g for g in range(len(sets))}
         self._counts = counts(task.rules, task.oracle.grid)
         self._warmers = [int(j) for j in np.flatnonzero(task.rules.warm_up > 0)]
+        self._costs = BlockCost(task.sweep)
         upper = task.oracle.open
         group = task.oracle.group
         self._open = np.zeros((len(upper), len(sets)), dtype=bool)
@@ -114,13 +116,23 @@ class Mover:
         """F of the schedule `on` (N, M), inf where it breaks a rule."""
         task, rules = self.task, self.rules
         spent = float(np.vdot(task.spend, on))
-        if spent > rules.max_observation * (1 + RELATIVE_CAP) or not keeps(rules, task.edges, on):
+        if spent > rules.max_observation * (1 + RELATIVE_CAP):
+            return np.inf
+        switching = task.oracle.switching(on)
+        if np.isinf(switching) or (not (task.complete and np.isfinite(switching)) and not keeps(rules, task.edges, on)):
             return np.inf
         self.evaluations += 1
-        linear, error = task.true_parts(self.weights(on))
+        weights = self.weights(on)
+        linear, error = task.true_parts(weights) if task.model is not None else self._parts(weights)
         if error > rules.max_error * (1 + RELATIVE_CAP):
             return np.inf
-        return task.goal.observation * linear + task.goal.error * error + switching_cost(rules, on)
+        changing = switching if np.isfinite(switching) else switching_cost(rules, on)
+        return task.goal.observation * linear + task.goal.error * error + changing
+
+    def _parts(self, weights: np.ndarray) -> tuple[float, float]:
+        """As those of the task, soon where little differs from the schedule whose promise was asked for last."""
+        linear = float(np.vdot(self.task.price, weights))
+        return linear, self._costs.value(weights) - linear
 
     def moves(self, chosen: Segments, promise: np.ndarray) -> Iterator[Segments]:
         """Segments that differ by one move.
@@ -224,7 +236,11 @@ class Mover:
                 if base is not None:
                     on, best = self._together(base, on, best, others)
         plan = start.plan if best >= start.value else self.task.oracle.follow(on)
-        return start if plan is None or plan is start.plan else Scored(plan, best)
+        if plan is None or plan is start.plan:
+            return start
+        # a plain sweep has the last word: what blocks cost has been found by another sequence of roundings
+        value = self.task.value(plan)
+        return Scored(plan, value) if value < start.value else start
 
     def _together(
         self, base: np.ndarray, on: np.ndarray, best: float, others: list[np.ndarray]
@@ -243,8 +259,7 @@ class Mover:
     def _promise(self, on: np.ndarray) -> np.ndarray:
         """(N, G) what a set of sensors costs on an interval to first order."""
         task = self.task
-        _, g = task.sweep.cost_and_gradient(self.weights(on))
-        g = g - task.price
+        g = self._costs.begin(self.weights(on)) - task.price
         slope = task.goal.observation * task.price + max(task.goal.error, 1e-3) * g
         return slope[:, : self.rules.sensors] @ task.oracle.sets.T.astype(float)
 

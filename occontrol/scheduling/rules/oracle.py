@@ -6,12 +6,13 @@ min over w of  sum_k g_k.w_k + switching(w) + sum of prices on use, starts and s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from occontrol.scheduling.rules.builder import build
 from occontrol.scheduling.rules.grid import Grid
-from occontrol.scheduling.rules.kernels import along, cheapest, least_through
+from occontrol.scheduling.rules.kernels import along, cheapest, least_through, walk
 from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.rules import Rules
 
@@ -69,6 +70,9 @@ class Oracle:
         # sets of sensors in use, by which one branches: actions that differ in warming only belong together
         self.sets, self.group = np.unique(a.on, axis=0, return_inverse=True)
         self.group = self.group.ravel()
+        self._label = {chosen.tobytes(): g for g, chosen in enumerate(self.sets)}
+        states = np.arange(a.states + 1)
+        self._begin = np.array([f + np.searchsorted(a.tail[f:to], states) for f, to in pairwise(a.first.tolist())])
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -158,6 +162,18 @@ class Oracle:
         """The plan that uses exactly the sensors `on` (N, M), or None where that breaks a rule which is tracked."""
         same = np.all(on[:, None, :] == self.automaton.on[None, :, :], axis=2)
         return self.minimise(np.zeros(self.shape), None, same)[1]
+
+    def switching(self, on: np.ndarray) -> float:
+        """What changes cost in the schedule that uses exactly the sensors `on` (N, M); inf where a tracked rule breaks.
+
+        Windows are not looked at. NaN where the states cannot tell from the sensors alone: while one slews.
+        """
+        a, cuts = self.automaton, np.flatnonzero(np.any(on[1:] != on[:-1], axis=1)) + 1
+        begins = [0, *cuts.tolist()]
+        found = [self._label.get(on[b].tobytes(), -1) for b in begins]
+        labels = np.repeat(np.array(found), np.diff([*begins, len(on)]))
+        cost = self._event_cost[a.event]
+        return walk(a.table, self._begin, a.head, self.group[a.action], cost, labels, a.start, a.final)
 
     def first_impossible(self) -> int | None:
         """The first interval that no schedule which keeps the rules reaches the end of, N where all fail at the end."""

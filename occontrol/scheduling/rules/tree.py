@@ -14,7 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from occontrol.core.monitor import Monitor
-from occontrol.scheduling.rules.hull import Hull, HullOptions, bounds_at, hull
+from occontrol.scheduling.rules.bundle import Bundle, solve
+from occontrol.scheduling.rules.hull import Hull, HullOptions, bounds_at, filled, hull, inherited
 from occontrol.scheduling.rules.master import Multipliers, Tangent
 from occontrol.scheduling.rules.moves import Mover, Scored
 from occontrol.scheduling.rules.plan import Plan
@@ -91,7 +92,7 @@ class _Node:
     number: int
     mask: np.ndarray = field(compare=False)
     chosen: np.ndarray = field(compare=False)
-    start: tuple[np.ndarray, Multipliers, list[Plan]] = field(compare=False)
+    start: tuple[np.ndarray, Multipliers, list[Plan]] | None = field(compare=False)
 
 
 class Search:
@@ -116,6 +117,8 @@ class Search:
     ):
         self.task, self.options, self.monitor, self.told = task, options, monitor, told
         self.mover, self.rows = Mover(task), Rows(task)
+        caps = np.isfinite(task.rules.max_error) or np.isfinite(task.rules.max_observation)
+        self.bundle = Bundle(task) if task.complete and not caps and not self.rows.known else None
         self.best: Scored | None = None
         self.nodes = 0
         self._scored: set[bytes] = set()
@@ -184,16 +187,21 @@ class Search:
         options = HullOptions(0.1 * self.options.gap, lambda: self.cutoff, ROOT if self.nodes == 1 else INNER)
         if begun is not None:
             options = replace(options, known=begun.known, value=begun.value)
-        return hull(self.task, self.rows, node.start, node.mask, options, self.score, self.monitor)
+        common = node.mask, options, self.score, self.monitor
+        if self.bundle is None:
+            return hull(self.task, self.rows, node.start, *common)  # type: ignore[arg-type]
+        if begun is None:
+            return solve(self.bundle, *common)
+        root = hull(self.task, self.rows, node.start, *common, self.bundle.take)  # type: ignore[arg-type]
+        for plan in root.plans:
+            self.bundle.add(plan)
+        return root
 
     def _file(self, heap: list, found: Hull, mask: np.ndarray, chosen: np.ndarray, bound: float, count: int) -> float:
         """Put the children of a node on the heap; what the node's schedules cost at least, where it has none."""
         if not np.isfinite(found.lower_bound) or bound >= self.cutoff:
             return bound
-        policy, multipliers, _ = found.proof
-        each = bounds_at(
-            self.task, self.rows, Tangent.at(self.task, policy), multipliers.padded(len(self.rows.known)), mask
-        )
+        each = self._each(found, mask)
         # what cannot better the best schedule is left out of all that follows
         cutoff = self.cutoff
         closed = cutoff if np.any(mask & (each >= cutoff)) else np.inf
@@ -203,21 +211,25 @@ class Search:
             plan = self.task.oracle.minimise(np.zeros(self.task.oracle.shape), None, useful)[1]
             return closed if plan is None else min(closed, self.task.value(plan))
         for i, (child, at, actions) in enumerate(children):
+            # a bundle knows all that it takes to begin
+            start = None if self.bundle is not None else inherited(found, child)
             own = max(bound, float(np.min(each[at, actions], initial=np.inf)))
             if own >= cutoff:
                 closed = min(closed, own)
                 continue
-            kept = [(p, s) for p, s in zip(found.plans, _filled(found), strict=True) if _allowed(p, child)]
-            plans = [p for p, _ in kept]
-            shares = np.array([s for _, s in kept])
-            v = found.tangent.weights
-            if plans:
-                shares = shares / np.sum(shares) if np.sum(shares) > 0 else np.full(len(plans), 1 / len(plans))
-                v = np.einsum("p,pnc->nc", shares, np.array([p.weights for p in plans]))
             branch = chosen.copy()
             branch[at] &= actions
-            heapq.heappush(heap, _Node(own, count + i, child, branch, (v, found.multipliers, plans)))
+            heapq.heappush(heap, _Node(own, count + i, child, branch, start))
         return closed
+
+    def _each(self, found: Hull, mask: np.ndarray) -> np.ndarray:
+        """(N, A) what the schedules of a node cost at least that do action a on interval k."""
+        if found.line is not None:
+            constant, g = found.line
+            return constant + self.task.oracle.least_through(g, None, mask)
+        policy, multipliers, _ = found.proof
+        multipliers = multipliers.padded(len(self.rows.known))
+        return bounds_at(self.task, self.rows, Tangent.at(self.task, policy), multipliers, mask)
 
     def _children(self, found: Hull, mask: np.ndarray, useful: np.ndarray) -> list[tuple[np.ndarray, int, np.ndarray]]:
         """(mask, interval, (A,) actions there) that part the schedules of a node; empty where it is a single one."""
@@ -230,7 +242,7 @@ class Search:
         if not np.any(free):
             return []
         share = np.zeros(groups.shape)
-        for plan, s in zip(found.plans, _filled(found), strict=True):
+        for plan, s in zip(found.plans, filled(found), strict=True):
             share[np.arange(len(share)), oracle.group[plan.actions]] += s
         at = self._where(found, wide, free, share)
         order = [int(g) for g in np.argsort(-share[at], kind="stable") if groups[at, g]]
@@ -245,9 +257,11 @@ class Search:
 
     def _where(self, found: Hull, groups: np.ndarray, free: np.ndarray, share: np.ndarray) -> int:
         """The interval to branch on."""
-        task, at = self.task, found.tangent
-        steps = task.oracle.grid.steps
-        g = task.goal.observation * task.price + max(task.goal.error, 1e-3) * at.slope
+        task, steps = self.task, self.task.oracle.grid.steps
+        if found.line is not None:
+            g = found.line[1]
+        else:
+            g = task.goal.observation * task.price + max(task.goal.error, 1e-3) * found.tangent.slope
         cost = g @ task.oracle.automaton.columns.T
         worth = np.stack([np.min(cost[:, task.oracle.group == i], axis=1) for i in range(groups.shape[1])], axis=1)
         high = np.max(np.where(groups, worth, -np.inf), axis=1)
@@ -271,12 +285,3 @@ def _dearest(task: Task) -> float:
     dear = np.max(task.price @ task.oracle.automaton.columns.T, axis=1, initial=0.0)
     most = goal.observation * float(np.sum(np.maximum(dear, 0.0))) + goal.error * error + N * change
     return most + 1e-6 * abs(most)
-
-
-def _filled(found: Hull) -> np.ndarray:
-    """Shares of all plans, zero for those that no master has seen."""
-    return np.pad(found.shares, (0, len(found.plans) - len(found.shares)))
-
-
-def _allowed(plan: Plan, mask: np.ndarray) -> bool:
-    return bool(np.all(mask[np.arange(len(mask)), plan.actions]))

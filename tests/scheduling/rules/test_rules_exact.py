@@ -59,6 +59,13 @@ def test_the_checker_and_the_oracle_agree_with_the_words_of_the_rules(seed: int)
             assert plan is not None, word
         elif task.complete:
             assert plan is None, word
+        told = task.oracle.switching(on)
+        if np.isfinite(told):
+            assert plan is not None and told == pytest.approx(plan.switching, abs=1e-15), word
+        elif np.isinf(told):
+            assert plan is None, word
+        else:
+            assert task.rules.slews()
     if not kept and task.complete:
         assert task.oracle.first_impossible() is not None
 
