@@ -51,7 +51,7 @@ _FAMILIES: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "periodic.problem": ("PeriodicProblem",),
         "methods": (
             "BestSingle", "Collocation", "Greedy", "HMinimal", "Periodic", "Random", "Relaxed", "RelaxRoundPolish",
-            "RoundRobin",
+            "RoundRobin", "Shares",
         ),
         "filter.online": ("MatchedFilter",),
         "nonlinear.linearise": ("Replanning",),

@@ -18,7 +18,6 @@ from occontrol.core.solution import Tradeoff
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.periodic.half import PERIODIC
-from occontrol.families.athans.periodic.method import Periodic
 from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.families.athans.rate import RATE, RateFamily, schedule_of
 from occontrol.families.athans.readings.half import READINGS
@@ -60,9 +59,10 @@ class AthansFamily(RateFamily):
         if isinstance(problem, PeriodicProblem):
             return PERIODIC.choose(problem, method)
         chosen = problem.method if method is None else method
-        if chosen == Periodic.name or isinstance(chosen, Periodic):
+        name = chosen if isinstance(chosen, str) else getattr(chosen, "name", "")
+        if name in PERIODIC.methods:
             hint = "horizon: {infinite: true}, with step: .. in continuous time"
-            raise UsageError(f"{Periodic.name} does not do a horizon that ends\n  hint: {hint}")
+            raise UsageError(f"{name} does not do a horizon that ends\n  hint: {hint}")
         return super().choose(problem, method)
 
     def mistakes(self, problem: AthansProblem, method: Method) -> list[Mistake]:
@@ -73,7 +73,9 @@ class AthansFamily(RateFamily):
 
     def compare_names(self, problem: AthansProblem) -> list[str]:
         """The method names that `compare` runs on `problem` when none are given."""
-        return list(PERIODIC.methods if problem.infinite else TARGETS.compared if problem.of_targets else self.compared)
+        if problem.infinite:
+            return list(PERIODIC.compared)
+        return list(TARGETS.compared if problem.of_targets else self.compared)
 
     def claims_of(self, problem: AthansProblem, solution: Solution) -> Claims:
         """Everything that a run says of its schedule; of an infinite horizon the proof, too."""

@@ -14,7 +14,7 @@ from occontrol.core.errors import Mistake, ProblemError, suggest
 from occontrol.core.method import check_options
 from occontrol.core.solution import Status
 from occontrol.families.athans.baselines import BestSingle, Greedy, Random, RoundRobin
-from occontrol.families.athans.periodic.method import Periodic
+from occontrol.families.athans.periodic.method import Periodic, Shares
 
 if TYPE_CHECKING:
     from occontrol.core.monitor import Monitor
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BestSingle", "Collocation", "Exact", "Greedy", "HMinimal", "Periodic", "Random", "RelaxRoundPolish", "Relaxed",
-    "RoundRobin",
+    "RoundRobin", "Shares",
 ]  # fmt: skip
 
 KICK_SWEEPS = 4  # times the sweeps that the first polish of readings took: by those its kicks are budgeted
@@ -288,4 +288,4 @@ METHODS: dict[str, type] = {
 }
 
 # an infinite horizon has this one alone, the others end
-ALL_METHODS: dict[str, type] = {**METHODS, Periodic.name: Periodic}
+ALL_METHODS: dict[str, type] = {**METHODS, Periodic.name: Periodic, Shares.name: Shares}

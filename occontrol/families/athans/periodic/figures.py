@@ -3,7 +3,7 @@ bound against time, the way in from the initial covariance."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -46,6 +46,35 @@ def draw(problem: PeriodicProblem, solution: Solution) -> dict[str, Figure]:
         if "transient_covariance" in solution.arrays:
             figures["transient"] = _one(problem, solution, _draw_transient, (12, 5.5))
         return figures
+
+
+def draw_compare(problem: PeriodicProblem, solutions: Mapping[str, Solution]) -> Figure:
+    """Costs of several methods beside the best bound that any of them proved, and the mean over draws.
+
+    Parameters
+    ----------
+    problem : PeriodicProblem
+    solutions : Solution by method name
+    """
+    best = max(s.numbers.lower_bound for s in solutions.values())
+    count = len(solutions)
+    with style.house_style():
+        text = f"line: no schedule costs less than {rounded_down(best, 7)} a {problem.per}"
+        figure = style.new_figure((13.33, min(12.0, 2.4 + 0.7 * count)), problem.name, text)
+        axes, places = figure.subplots(), np.arange(count)[::-1]
+        costs = np.array([s.cost for s in solutions.values()])
+        axes.barh(places, costs, height=0.6, color=style.ACCENT, alpha=0.85)
+        for place, solution in zip(places, solutions.values(), strict=True):
+            apart = f"{100 * (solution.cost - best) / abs(best):.3g} % above the bound" if best else ""
+            mean = solution.result.get("mean_at_most")
+            beside = f", in the mean at most {mean:.6g}" if mean is not None else ""
+            axes.text(solution.cost, place, f" {solution.cost:.6g}  ({apart}{beside})", va="center", fontsize=10)
+        axes.axvline(best, color=style.SECOND, lw=1.5)
+        axes.set_yticks(places, list(solutions))
+        axes.set_xlim(0, 1.6 * float(np.max(costs)) if np.max(costs) > 0 else None)
+        axes.tick_params(axis="y", length=0)
+        axes.set_xlabel(f"cost a {problem.per}")
+        return figure
 
 
 def _subtitle(problem: PeriodicProblem, solution: Solution) -> str:

@@ -15,6 +15,7 @@ from occontrol.core.errors import SolveFailed, UsageError
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
+from occontrol.core.target import TargetModel, TargetPlan
 from occontrol.core.trajectory import Trajectory
 from occontrol.families.athans.filter.online import MatchedFilter, MatchedStep
 from occontrol.families.athans.periodic.problem import PeriodicProblem
@@ -227,6 +228,39 @@ def online(problem: PeriodicProblem, solution: Solution) -> EndlessFilter:
     """
     matched, _, period = _two_cycles(problem, solution)
     return EndlessFilter(matched, period)
+
+
+def cycle_target(problem: PeriodicProblem, solution: Solution) -> TargetPlan:
+    """One cycle and its filter in the steady state, for code on a target; after its end it begins again.
+
+    Parameters
+    ----------
+    problem : PeriodicProblem
+    solution : with one cycle as its schedule
+
+    Interval k leads to the reading at step k; the first begins at the last step of the cycle before.
+    """
+    from occontrol.families.athans.filter.predictor import Predictor
+    from occontrol.families.athans.filter.target import plan_of
+
+    matched, nothing, period = _two_cycles(problem, solution)
+    nodes, n, rate = len(nothing), problem.states, problem.sensing == "rate"
+    none = Predictor(np.zeros((nodes, 0, n)), np.zeros((nodes, 0)), np.zeros((nodes, 0, 0)))
+    whole = plan_of(matched.model, none, instants=not rate, variable=problem.variable)
+    model = whole.model
+    assert isinstance(model, TargetModel)
+    edges = np.asarray(whole.edges)[period:]
+    last = problem.step * (period if rate else period - 1)
+    return replace(
+        whole, edges=edges - edges[-1] + last, active=list(whole.active)[period:],
+        model=replace(
+            model, transition=model.transition[period:], input=model.input[period:],
+            observe=list(model.observe)[period:], offset=list(model.offset)[period:],
+            noise_root=list(model.noise_root)[period:], covariance=matched.plan.covariance[period],
+            predict_matrix=none.matrix[period:], predict_offset=none.offset[period:],
+            predict_noise=none.noise[period:],
+        ),
+    )  # fmt: skip
 
 
 def cycle_tables(problem: PeriodicProblem, solution: Solution) -> dict[str, np.ndarray]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn
 from occontrol.core.errors import Mistake, UsageError
 from occontrol.core.kinds import PlainDict
 from occontrol.families.athans.methods import METHODS as OTHERS
-from occontrol.families.athans.periodic.method import Periodic
+from occontrol.families.athans.periodic.method import Periodic, Shares
 from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.families.athans.rate import RateFamily, schedule_of
 from occontrol.families.family import Family
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from occontrol.core.monitor import Monitor
     from occontrol.core.schedule import Schedule
     from occontrol.core.solution import Solution
+    from occontrol.core.target import TargetPlan
     from occontrol.core.trajectory import Trajectory
     from occontrol.files.page import Group
 
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
 class PeriodicFamily(RateFamily):
     """Cycles that are repeated for ever."""
 
-    methods: ClassVar[Mapping[str, type]] = {Periodic.name: Periodic}
+    methods: ClassVar[Mapping[str, type]] = {Periodic.name: Periodic, Shares.name: Shares}
+    compared: ClassVar[Sequence[str]] = (Periodic.name, Shares.name)
 
     def choose(self, problem: PeriodicProblem, method: Method | str | None = None) -> Method:
         """The method object to run. Raises UsageError for one that does not do an infinite horizon."""
@@ -45,8 +47,10 @@ class PeriodicFamily(RateFamily):
         The status is certified, feasible, interrupted or disagrees. Raises UsageError for a method other than periodic,
         InfeasibleError where no schedule keeps the covariance bounded.
         """
-        from occontrol.families.athans.periodic.solve import solve
+        from occontrol.families.athans.periodic.solve import solve, solve_drawn
 
+        if isinstance(method, Shares):
+            return solve_drawn(problem, method, monitor)
         if not isinstance(method, Periodic):
             raise UsageError(f"{method.name} does not do an infinite horizon\n  hint: method: {Periodic.name}")
         return solve(problem, method, monitor)
@@ -84,8 +88,10 @@ class PeriodicFamily(RateFamily):
         return Family.groups(self, problem, solution)
 
     def compare_figure(self, problem: PeriodicProblem, solutions: Mapping[str, Solution]) -> Figure | None:
-        """None: there is one method."""
-        return None
+        """Costs of the methods beside the best bound."""
+        from occontrol.families.athans.periodic.figures import draw_compare
+
+        return draw_compare(problem, solutions)
 
     def certify(self, problem: PeriodicProblem, schedule: Schedule, claims: Claims | None = None) -> Solution:
         """Cost, lower bound and gap of anybody's cycle; refuted claims make the status `disagrees`."""
@@ -134,6 +140,12 @@ class PeriodicFamily(RateFamily):
         from occontrol.families.athans.periodic.filter import cycle_tables
 
         return {} if solution.schedule is None else cycle_tables(problem, solution)
+
+    def target_plan(self, problem: PeriodicProblem, solution: Solution) -> TargetPlan:
+        """One cycle and its filter in the steady state, for code on a target that begins anew after it."""
+        from occontrol.families.athans.periodic.filter import cycle_target
+
+        return cycle_target(problem, solution)
 
     def tradeoff(self, problem: PeriodicProblem, cost_weights: Sequence[float], monitor: Monitor) -> NoReturn:
         """Raises UsageError: not for an infinite horizon."""

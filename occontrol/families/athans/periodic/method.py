@@ -14,8 +14,22 @@ if TYPE_CHECKING:
     from occontrol.families.athans.found import Found
 
 
+class _Endless:
+    """A method of problems without an end, which are solved as a whole."""
+
+    name: ClassVar[str]
+
+    def check(self, problem: AthansProblem) -> Sequence[Mistake]:
+        """Nothing: which problems it is for is said where methods are chosen."""
+        return ()
+
+    def run(self, problem: AthansProblem, *arguments: object) -> Found:
+        """Raises UsageError: problems without an end are solved as a whole, see periodic/solve.py."""
+        raise UsageError(f"method {self.name} is for an infinite horizon\n  hint: horizon: {{infinite: true}}")
+
+
 @dataclass(frozen=True)
-class Periodic:
+class Periodic(_Endless):
     """The best cycle that can be found, and a proof for all schedules.
 
     Parameters
@@ -35,10 +49,30 @@ class Periodic:
     def __post_init__(self) -> None:
         check_options(self, positive=("relative_gap", "time_limit"), whole={"max_period": 1, "max_nodes": 1})
 
-    def check(self, problem: AthansProblem) -> Sequence[Mistake]:
-        """Nothing: which problems it is for is said where methods are chosen."""
-        return ()
 
-    def run(self, problem: AthansProblem, *arguments: object) -> Found:
-        """Raises UsageError: problems without an end are solved as a whole, see periodic/solve.py."""
-        raise UsageError(f"method {self.name} is for an infinite horizon\n  hint: horizon: {{infinite: true}}")
+@dataclass(frozen=True)
+class Shares(_Endless):
+    """Baseline: at every step a choice drawn by the shares of the averaged optimum, independently of all before.
+
+    What is judged is one draw, repeated for ever; `mean_at_most` in result.json bounds the mean over all draws.
+
+    Parameters
+    ----------
+    steps : of the draw
+    seed : of the random numbers
+    relative_gap : of cost and bound, at which it counts as certified
+    """
+
+    name: ClassVar[str] = "shares"
+    steps: int = 300
+    seed: int = 1
+    relative_gap: float = 1e-4
+
+    def __post_init__(self) -> None:
+        check_options(self, positive=["relative_gap"], whole={"steps": 1, "seed": 0})
+
+    def check(self, problem: AthansProblem) -> Sequence[Mistake]:
+        """A mistake where a cycle has rules, which draws do not keep."""
+        if getattr(problem, "limits", None) is None:
+            return ()
+        return (Mistake(("method",), "method shares draws at random and does not keep the rules of a cycle"),)

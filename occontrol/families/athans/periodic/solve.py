@@ -5,19 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.core import stopwatch
+from occontrol.core.errors import SolveFailed, plural
 from occontrol.core.kinds import PlainDict
 from occontrol.core.monitor import Monitor
 from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Certificate, Solution, Status, make_solution
 from occontrol.families.athans.periodic.check import AGREE, PlainCycle, plain_cycle
-from occontrol.families.athans.periodic.method import Periodic
+from occontrol.families.athans.periodic.method import Periodic, Shares
 from occontrol.families.athans.periodic.problem import PeriodicProblem
-from occontrol.families.athans.periodic.prove import Proven, Setting, prove, setting_of
+from occontrol.families.athans.periodic.prove import Proven, Setting, averaged_of, prove, setting_of
 from occontrol.families.athans.periodic.transient import transient
 from occontrol.families.athans.result import AthansResult, ContinuousNumbers, TopNumbers
 from occontrol.numerics.linalg import symmetrise
 from occontrol.scheduling.periodic.certificate import TreeProof, checked_bound
-from occontrol.scheduling.periodic.potential import Cycle
+from occontrol.scheduling.periodic.drawn import drawn, mean_at_most, shares_of_phases
+from occontrol.scheduling.periodic.potential import Cycle, cycle_of
 
 PROOF = ("proof_words", "proof_points", "proof_potential", "proof_starts")
 
@@ -58,6 +60,35 @@ def solve(problem: PeriodicProblem, method: Periodic, monitor: Monitor) -> Solut
     return assemble(
         problem, method.name, setting, proven.cycle, bounds, proof, status, ended, extra,
         shares_of(problem, proven.averaged.shares), monitor, began, 0 if proven.tree is None else proven.tree.count,
+    )  # fmt: skip
+
+
+def solve_drawn(problem: PeriodicProblem, method: Shares, monitor: Monitor) -> Solution:
+    """One draw by the shares of the averaged optimum, repeated for ever, beside the averaged bound.
+
+    Parameters
+    ----------
+    problem : PeriodicProblem
+    method : its options
+    monitor : Monitor
+
+    Raises InfeasibleError where no shares keep the covariance bounded, SolveFailed where the draw does not.
+    """
+    began, setting = stopwatch.seconds(), setting_of(problem)
+    averaged = averaged_of(problem, setting)
+    shares = shares_of_phases(averaged.shares, setting.phases)
+    cycle = cycle_of(setting.letters, drawn(shares, -(-method.steps // problem.phases), method.seed))
+    if cycle is None:
+        raise SolveFailed("the covariance along the draw has no limit\n  hint: another seed, or more steps")
+    at_most = mean_at_most(setting.letters, shares)
+    mean = f"at most {at_most:.7g}" if np.isfinite(at_most) else "more than any number that could be found"
+    ended = f"Drawn for ever it costs {mean} in the mean; this is one draw of {plural(len(cycle.word), 'step')}. "
+    bounds: dict[str, float | None] = {"averaged": averaged.lower_bound, "tree": None}
+    reached = cycle.cost - averaged.lower_bound <= method.relative_gap * abs(cycle.cost)
+    extra: PlainDict = {"mean_at_most": at_most if np.isfinite(at_most) else None, "seed": method.seed}
+    return assemble(
+        problem, method.name, setting, cycle, bounds, None, Status.CERTIFIED if reached else Status.FEASIBLE, ended,
+        extra, shares_of(problem, averaged.shares), monitor, began, 0,
     )  # fmt: skip
 
 

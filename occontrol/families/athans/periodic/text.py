@@ -57,8 +57,9 @@ def summarise(problem: PeriodicProblem, solution: Solution) -> list[tuple[str, s
     r: AthansResult = solution.numbers  # type: ignore[assignment]
     bounds, word = r.bounds or {}, r.word or []
     shown = " ".join(word[:MOST_STEPS]) + (" .." if len(word) > MOST_STEPS else "")
+    proof = f", {plural(r.nodes, 'word')} of a proof" if r.nodes else ""
     lines = [
-        ("method", f"{solution.method}, {plural(r.nodes or 0, 'word')} of a proof, {solution.seconds:.2f} s"),
+        ("method", f"{solution.method}{proof}, {solution.seconds:.2f} s"),
         ("cycle", f"{shown}   ({plural(len(word), 'step')})"),
         ("cost", f"{r.cost:.8g} a {problem.per}"),
         ("lower bound", f"{rounded_down(r.lower_bound, 8)}   gap {100 * r.relative_gap:.3g} %, {_for_whom(problem)}"),
@@ -66,6 +67,10 @@ def summarise(problem: PeriodicProblem, solution: Solution) -> list[tuple[str, s
     if bounds.get("averaged") is not None:
         shares = ", ".join(f"{name} {100 * x:.3g} %" for name, x in (r.shares or {}).items())
         lines.append(("averaged bound", f"{rounded_down(bounds['averaged'], 8)}, of sensors used in shares: {shares}"))
+    if solution.result.get("mean_at_most") is not None:
+        lines.append(
+            ("mean", f"{solution.result['mean_at_most']:.8g} at most over all draws; the cost is that of this one")
+        )
     if bounds.get("tree") is not None:
         words = plural(r.leaves or 0, "word")
         lines.append(("proof", f"{rounded_down(bounds['tree'], 8)} by {words} that stand for all schedules"))

@@ -13,9 +13,7 @@ import occontrol as oc
 from occontrol.api import document, family_of
 from occontrol.core.solution import Status
 from occontrol.families.athans.periodic.fill import fill, flow
-from occontrol.families.athans.periodic.prove import averaged_of, setting_of
 from occontrol.families.athans.periodic.transient import transient
-from occontrol.scheduling.periodic.potential import cycle_of
 
 VEHICLE = """family: athans
 name: vehicle
@@ -159,33 +157,6 @@ def test_the_rule_of_a_step_never_says_too_much(solved) -> None:
             assert charge <= true * (1 + 1e-9) and (times > 5 or charge == pytest.approx(true, rel=1e-9))
 
 
-def test_fast_time_sharing_comes_near_the_averaged_bound_in_proportion_to_the_step(tmp_path: Path) -> None:
-    far = []
-    for step in (0.4, 0.2, 0.1, 0.05):
-        text = RADARS.replace("  - idle\n", "").replace("step: 0.5", f"step: {step}").replace("cost: 0.6", "cost: 0.2")
-        problem = problem_of(text, tmp_path)
-        setting = setting_of(problem)
-        shares = averaged_of(problem, setting)
-        best = min(
-            (c.cost for n in range(1, 8) if (c := cycle_of(setting.letters, np.array([0] * n + [1] * (8 - n))))),
-        )
-        alternate = cycle_of(setting.letters, np.array([0, 1]))
-        half = averaged_at_half(problem)
-        assert shares.lower_bound <= min(best, alternate.cost)
-        far.append(alternate.cost - half)
-    ratios = np.array(far[:-1]) / np.array(far[1:])
-    assert np.all(np.array(far) > 0) and ratios[-1] == pytest.approx(4.0, rel=0.05)  # of second order: no first term
-
-
-def averaged_at_half(problem) -> float:
-    """The steady cost with both sensors at half of their information, by the continuous Riccati equation of SciPy."""
-    from scipy.linalg import solve_continuous_are
-
-    C = np.diag([np.sqrt(0.5 / 0.1), np.sqrt(0.5 / 0.4)])
-    S = solve_continuous_are(problem.plant.A.at(0.0).T, C, problem.plant.noise.at(0.0), np.eye(2))
-    return float(np.trace(S) + problem.cost_weight * 0.2)
-
-
 def test_finite_horizons_of_growing_length_come_to_the_cycle(solved, tmp_path: Path) -> None:
     _, solution = solved["vehicle"]
     costs = []
@@ -230,6 +201,16 @@ def test_the_filter_of_a_cycle_repeats_itself_and_runs_on_line(solved) -> None:
             step = loop.step(by_time.get(k + first, {}))
             assert step.time == pytest.approx(estimate.times[k + 1], abs=1e-9)
             assert step.estimate == pytest.approx(estimate.mean[k + 1], rel=1e-9, abs=1e-9)
+        plan = family_of(problem).target_plan(problem, solution)
+        assert plan.intervals == period and plan.instants == problem.takes_readings and plan.model is not None
+        S = plan.model.covariance
+        for _ in range(2):  # a filter of its own along the plan comes back to where the cycle began
+            for F, H, N in zip(plan.model.transition, plan.model.observe, plan.model.noise_root, strict=True):
+                n = len(F)
+                joint = np.vstack([F, H]) @ S @ np.vstack([F, H]).T + N @ N.T
+                gain = np.linalg.solve(joint[n:, n:], joint[n:, :n]).T if len(H) else np.zeros((n, 0))
+                S = joint[:n, :n] - gain @ joint[n:, :n]
+            assert S == pytest.approx(plan.model.covariance, rel=1e-9, abs=1e-12)
         tables = family_of(problem).filter_tables(problem, solution)
         assert len(tables["transition"]) == period
         assert tables["covariance"][0] == pytest.approx(tables["covariance"][-1])
@@ -293,7 +274,7 @@ def test_other_methods_and_other_horizons_are_refused(solved, tmp_path: Path) ->
             oc.solve(finite, method)
     with pytest.raises(oc.UsageError, match="tradeoff does not do an infinite horizon"):
         oc.tradeoff(problem, [1.0])
-    assert family_of(problem).compare_names(problem) == ["periodic"]
+    assert family_of(problem).compare_names(problem) == ["periodic", "shares"]
     blind = VEHICLE.replace("H: [[1, 0, 0, 0], [0, 1, 0, 0]]", "H: [[0, 0, 1, 0], [0, 0, 0, 1]]")
     with pytest.raises(oc.InfeasibleError, match="no sensor sees a mode of the plant that stays"):
         oc.solve(problem_of(blind, tmp_path))
