@@ -100,12 +100,14 @@ def test_the_self_test_notices_a_changed_number_and_a_changed_operation(tmp_path
     source = tmp_path / "oc_filter.c"
     whole = source.read_text()
     for old, new in (
-        ("e[r] = z[kept[r]] - e[r];", "e[r] = z[kept[r]] + e[r];"),
-        ("x[r - count] += sum[r] * e[i];", "x[r - count] -= sum[r] * e[i];"),
-        ("nis += (e[i] * e[i]) / sum[i];", "nis += e[i] * e[i];"),
-        ("a[r][c] -= multiple * a[i][c];", "a[r][c] += multiple * a[i][c];"),
+        ("e[r] = z[kept[r]] - oc_affine(", "e[r] = z[kept[r]] + oc_affine("),
+        ("x[r - count] += multiple[r] * e[i];", "x[r - count] -= multiple[r] * e[i];"),
+        ("nis += (e[i] * e[i]) * inverse;", "nis += e[i] * e[i];"),
+        ("own[c] -= multiple[i] * before[c];", "own[c] += multiple[i] * before[c];"),
+        ("two = row[c + 1U] - (last * before[c + 1U]);", "two = row[c + 1U];"),
+        ("sum += m[i * apart] * lower[((i * (i - 1U)) / 2U) + c];", "sum += m[i * apart] * lower[i - c - 1U];"),
         ("x[r] += K[(i * OC_STATES) + r] * e[i];", "x[r] += K[i + r] * e[i];"),
-        ("v[r] += (sum * pivot[c]) * sum;", "v[r] += sum * sum;"),
+        ("v[r] += (row[c] * pivot[c]) * row[c];", "v[r] += row[c] * row[c];"),
     ):
         assert whole.count(old) == 1, old
         source.write_text(whole.replace(old, new))

@@ -70,7 +70,7 @@ class Content:
         model = self.plan.model
         if model is None:
             return found
-        found |= {"filter", self.options.precision}
+        found |= {"filter", "linear", self.options.precision}
         if model.outputs:
             found.add("predict")
         if not self.options.gains_only:

@@ -45,7 +45,7 @@ def sizes(content: Content) -> PlainDict:
     if "plan" in content.flags:
         found["multiplications_planned"] = multiplications + m * (m - 1) // 2 + 2 * m + n * m
     if full:
-        columns = n + rows
+        columns = 2 * ((n + rows + 1) // 2)
         found["stack_of_working_arrays"] += byte * (columns * (rows + 2) + rows + n + max(1, n * (n - 1) // 2))
         found["stack_of_working_arrays"] += 4 * rows
         sweep = sum((n + i + 1) * (1 + (rows - i) + (rows - i - 1)) for i in range(rows))

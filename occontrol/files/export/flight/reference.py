@@ -133,33 +133,42 @@ class ReferenceFilter:
         noise = _unit(self.content.row("noise_lower", self.k), size)
         place = np.append(kept, np.arange(values, size))
         pivot, lower = self.factor()
+        a = np.concatenate((H, F))
+        for i in range(1, n):
+            a[:, :i] = a[:, :i] + a[:, i : i + 1] * lower[i, :i]
+        a = np.concatenate((a, noise[place]), axis=1)
         weight = np.append(pivot, self.content.row("noise_pivot", self.k)[:size])
-        a = np.concatenate((np.concatenate((H, F)), noise[place]), axis=1)
-        for c in range(n):
-            for i in range(c + 1, n):
-                a[:, c] = a[:, c] + a[:, i] * lower[i, c]
-        nis = self.type.type(0)
+        return self._sweep(a, weight, n + place + 1, count, e, x)
+
+    def _sweep(
+        self, a: np.ndarray, weight: np.ndarray, columns: np.ndarray, count: int, e: np.ndarray, x: np.ndarray
+    ) -> Status:
+        """Rows of the values kept, then of the states, made orthogonal; see occ_sweep in templates/b_full.c."""
+        n, nis = self.n, self.type.type(0)
+        a, weight = (np.concatenate((part, np.zeros_like(part[..., :1])), axis=-1) for part in (a, weight))
         new_pivot, new_lower = np.zeros(n, dtype=self.type), np.eye(n, dtype=self.type)
+        multiple, before = np.zeros(count + n, dtype=self.type), a[0].copy()
         for i in range(count + n):
-            columns = n + int(place[i]) + 1
-            terms = (weight[:columns] * a[i, :columns]) * a[i:, :columns]
-            total = np.add.accumulate(terms, axis=1)[:, -1]
-            total = total + self.type.type(0)  # a sum that begins with 0 has no -0
-            own = total[0]
-            if not np.isfinite(own):
+            wide = slice(0, columns[i] + columns[i] % 2)
+            a[i:, wide] = a[i:, wide] - multiple[i:, None] * before[wide]
+            terms = (weight[wide] * a[i, wide]) * a[i:, wide]
+            even, odd = (np.add.accumulate(terms[:, first::2], axis=1)[:, -1] + self.type.type(0) for first in (0, 1))
+            total = even + odd
+            left = total[0]
+            if not np.isfinite(left):
                 return Status.OVERFLOW
-            if i < count and not own > 0:
+            inverse = self.type.type(1) / left if left >= np.finfo(self.type).tiny else self.type.type(0)
+            if i < count and not inverse > 0:
                 return Status.SINGULAR
-            multiple = total[1:] / own if own > 0 else np.zeros_like(total[1:])
-            a[i + 1 :, :columns] = a[i + 1 :, :columns] - multiple[:, None] * a[i, :columns]
+            multiple[i + 1 :] = total[1:] * inverse
             if i < count:
-                nis = nis + (e[i] * e[i]) / own
-                left = count - i - 1
-                e[i + 1 :] = e[i + 1 :] - multiple[:left] * e[i]
-                x = x + multiple[left:] * e[i]
+                nis = nis + (e[i] * e[i]) * inverse
+                e[i + 1 :] = e[i + 1 :] - multiple[i + 1 : count] * e[i]
+                x = x + multiple[count:] * e[i]
             else:
-                new_pivot[i - count] = own
-                new_lower[i - count + 1 :, i - count] = multiple
+                new_pivot[i - count] = left
+                new_lower[i - count + 1 :, i - count] = multiple[i + 1 :]
+            before = a[i].copy()
         status = self._accept(x, nis, count)
         if status == Status.OK:
             self.pivot, self.lower, self.planned = new_pivot, new_lower, False
@@ -184,9 +193,9 @@ class ReferenceFilter:
         total = np.zeros(self.n, dtype=self.type)
         with np.errstate(all="ignore"):
             for c in range(self.n):
-                l = lower[c + 1 :, c]  # noqa: E741
-                total[c + 1 :] = total[c + 1 :] + (l * pivot[c]) * l
-            return total + pivot
+                l = lower[c:, c]  # noqa: E741
+                total[c:] = total[c:] + (l * pivot[c]) * l
+            return total
 
     def predict(self) -> tuple[np.ndarray, np.ndarray]:
         """The prediction (p,) and its variances (p,)."""

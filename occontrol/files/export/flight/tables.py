@@ -9,8 +9,7 @@ import numpy as np
 
 WIDTH = 116
 WINDOW = 64  # rows that a new one is compared with
-KINDS = {"f8": ("double", "real"), "f4": ("float", "single"), "u1": ("uint8_t", "8"), "u2": ("uint16_t", "16")}
-KINDS |= {"u4": ("uint32_t", "32")}
+KINDS = {"f8": "double", "f4": "float", "u1": "uint8_t", "u2": "uint16_t", "u4": "uint32_t"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +26,8 @@ class Table:
     values: np.ndarray
 
     @property
-    def kind(self) -> tuple[str, str]:
-        """Its type in C, and the ending of the checksum function for it."""
+    def kind(self) -> str:
+        """Its type in C."""
         return KINDS[self.values.dtype.str[1:]]
 
     @property
@@ -40,7 +39,7 @@ class Table:
     @property
     def declarator(self) -> str:
         """For example `const double occ_mean[1][2]`."""
-        return f"const {self.kind[0]} occ_{self.name}{''.join(f'[{size}]' for size in self.values.shape)}"
+        return f"const {self.kind} occ_{self.name}{''.join(f'[{size}]' for size in self.values.shape)}"
 
     def definition(self) -> str:
         """The array with all its numbers."""

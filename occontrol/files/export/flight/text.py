@@ -94,7 +94,7 @@ def words_of(content: Content, title: str, digest: str) -> dict[str, str]:
         "SIZES": _sizes(content, digest),
         "ENUMS": _enums(content),
         "DECLARATIONS": "\n".join(f"extern {table.declarator};" for table in content.tables),
-        "CHECKS": "\n".join(_check(table) for table in content.tables),
+        "CHECKS": ",\n".join(_check(table) for table in content.tables),
         "INTERVAL": interval,
         "TIME": time,
         "AT": comment(plan.predicted_for),
@@ -108,9 +108,8 @@ def header(content: Content, prefix: str, words: dict[str, str]) -> str:
 
 def source(content: Content, prefix: str, words: dict[str, str]) -> str:
     """PREFIX_filter.c of `content`, with its `prefix` and `words`."""
-    kinds = {f"crc_{table.kind[1]}" for table in content.tables}
     parts = PARTS if content.plan.model is not None else ("a_schedule.c", "e_schedule.c")
-    text = "".join(kept_parts(template(name), content.flags | kinds) for name in parts)
+    text = "".join(kept_parts(template(name), content.flags) for name in parts)
     return filled(text, prefix, words)
 
 
@@ -123,8 +122,7 @@ def tables(content: Content, prefix: str, words: dict[str, str]) -> str:
 
 
 def _check(table: Table) -> str:
-    first = f"&occ_{table.name}{'[0]' * table.values.ndim}"
-    return f"    wrong |= occ_crc_{table.kind[1]}({first}, {table.values.size}U) ^ 0x{table.crc:08X}U;"
+    return f"        {{occ_{table.name}, {table.values.nbytes}U, {table.values.itemsize}U, 0x{table.crc:08X}U}}"
 
 
 def _sizes(content: Content, digest: str) -> str:
@@ -139,7 +137,9 @@ def _sizes(content: Content, digest: str) -> str:
         kind, ending = ("float", "F") if single else ("double", "")
         largest = np.finfo(content.options.dtype).max
         lines += [f"typedef {kind} occ_value; /* {content.options.precision} precision */", ""]
-        lines += [f"#define OCC_LARGEST {largest!s}{ending}", f"#define OCC_ZERO 0.0{ending}"]
+        smallest = np.finfo(content.options.dtype).tiny
+        lines += [f"#define OCC_LARGEST {largest!s}{ending}", f"#define OCC_SMALLEST {smallest!s}{ending}"]
+        lines += [f"#define OCC_ZERO 0.0{ending}"]
         lines += [f"#define OCC_ONE 1.0{ending}", f"#define OCC_HAS_PLAN {int(not content.options.no_plan)}U"]
     lines += [f"#define OCC_{name} {value}U" for name, value in numbers.items()]
     lines += [f'#define OCC_DIGEST "{digest}"']

@@ -24,7 +24,7 @@
 
 /*?full*/
 #define OCC_ROWS (OCC_VALUES + OCC_STATES)
-#define OCC_COLUMNS (OCC_STATES + OCC_ROWS)
+#define OCC_COLUMNS (2U * ((OCC_STATES + OCC_ROWS + 1U) / 2U)) /* an even number */
 /*.*/
 
 static uint8_t occ_is_nan(occ_value a)
@@ -35,6 +35,29 @@ static uint8_t occ_is_nan(occ_value a)
 static uint8_t occ_is_finite(occ_value a)
 {
     return ((a <= OCC_LARGEST) && (a >= -OCC_LARGEST)) ? 1U : 0U;
+}
+
+static uint8_t occ_all_finite(const occ_value x[OCC_STATES])
+{
+    uint32_t i;
+    uint8_t all = 1U;
+
+    for (i = 0U; i < OCC_STATES; i++) {
+        all &= occ_is_finite(x[i]);
+    }
+    return all;
+}
+
+/* d + m x, where m is a row of a matrix whose columns are `apart` */
+static occ_value occ_affine(occ_value d, const occ_value *m, uint32_t apart, const occ_value x[OCC_STATES])
+{
+    occ_value sum = d;
+    uint32_t c;
+
+    for (c = 0U; c < OCC_STATES; c++) {
+        sum += m[c * apart] * x[c];
+    }
+    return sum;
 }
 
 occ_status occ_init(occ_filter *f)
@@ -74,10 +97,8 @@ occ_status occ_init_at(occ_filter *f, uint32_t k, const occ_value x[OCC_STATES])
     if (k > OCC_INTERVALS) {
         return OCC_OUTSIDE;
     }
-    for (i = 0U; i < OCC_STATES; i++) {
-        if (occ_is_finite(x[i]) == 0U) {
-            return OCC_BAD_STATE;
-        }
+    if (occ_all_finite(x) == 0U) {
+        return OCC_BAD_STATE;
     }
     status = occ_init(f);
     f->k = k;

@@ -25,10 +25,8 @@ static occ_status occ_planned_step(occ_filter *f, uint32_t values, const occ_val
             x[r] += K[(i * OCC_STATES) + r] * e[i];
         }
     }
-    for (i = 0U; i < OCC_STATES; i++) {
-        if (occ_is_finite(x[i]) == 0U) {
-            return OCC_OVERFLOW;
-        }
+    if (occ_all_finite(x) == 0U) {
+        return OCC_OVERFLOW;
     }
     f->nis = nis;
     return OCC_OK;
@@ -50,7 +48,9 @@ occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t 
     uint32_t kept[OCC_VALUES];
     uint32_t count = 0U;
     uint32_t values;
+/*?!full*/
     uint32_t c;
+/*.*/
     uint32_t r;
 
     if (f == NULL) {
@@ -80,21 +80,10 @@ occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t 
     H = occ_observe[occ_observe_row[f->k]];
     /* e = z - (H x + d) of what is kept, x = F x + g */
     for (r = 0U; r < count; r++) {
-        e[r] = occ_offset[occ_offset_row[f->k]][kept[r]];
+        e[r] = z[kept[r]] - occ_affine(occ_offset[occ_offset_row[f->k]][kept[r]], &H[kept[r]], OCC_VALUES, f->x);
     }
     for (r = 0U; r < OCC_STATES; r++) {
-        x[r] = occ_input[occ_input_row[f->k]][r];
-    }
-    for (c = 0U; c < OCC_STATES; c++) {
-        for (r = 0U; r < count; r++) {
-            e[r] += H[(c * OCC_VALUES) + kept[r]] * f->x[c];
-        }
-        for (r = 0U; r < OCC_STATES; r++) {
-            x[r] += F[(c * OCC_STATES) + r] * f->x[c];
-        }
-    }
-    for (r = 0U; r < count; r++) {
-        e[r] = z[kept[r]] - e[r];
+        x[r] = occ_affine(occ_input[occ_input_row[f->k]][r], &F[r], OCC_STATES, f->x);
     }
 /*?plan full*/
     if ((f->planned != 0U) && (count == values)) {
@@ -109,17 +98,12 @@ occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t 
     } else {
         /* the planned gain moves x by what has arrived; the variances of the plan do not hold from here on */
         const occ_value *const K = occ_gain[occ_gain_row[f->k]];
-        status = OCC_OK;
         for (c = 0U; c < count; c++) {
             for (r = 0U; r < OCC_STATES; r++) {
                 x[r] += K[(kept[c] * OCC_STATES) + r] * e[c];
             }
         }
-        for (r = 0U; r < OCC_STATES; r++) {
-            if (occ_is_finite(x[r]) == 0U) {
-                status = OCC_OVERFLOW;
-            }
-        }
+        status = (occ_all_finite(x) != 0U) ? OCC_OK : OCC_OVERFLOW;
         if (status == OCC_OK) {
             f->planned = 0U;
             f->nis = OCC_ZERO;

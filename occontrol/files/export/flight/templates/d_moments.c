@@ -1,9 +1,22 @@
 /*?full*/
+/* entry (i, j) of L diag(pivot) L', j <= i */
+static occ_value occ_entry(const occ_value *pivot, const occ_value *lower, uint32_t i, uint32_t j)
+{
+    occ_value sum = OCC_ZERO;
+    uint32_t c;
+
+    for (c = 0U; c <= j; c++) {
+        const occ_value one = (c < i) ? lower[((i * (i - 1U)) / 2U) + c] : OCC_ONE;
+        const occ_value other = (c < j) ? lower[((j * (j - 1U)) / 2U) + c] : OCC_ONE;
+        sum += (one * pivot[c]) * other;
+    }
+    return sum;
+}
+
 occ_status occ_covariance(const occ_filter *f, occ_value p[OCC_STATES * OCC_STATES])
 {
     const occ_value *pivot;
     const occ_value *lower;
-    uint32_t c;
     uint32_t i;
     uint32_t j;
 
@@ -16,14 +29,8 @@ occ_status occ_covariance(const occ_filter *f, occ_value p[OCC_STATES * OCC_STAT
     occ_factor(f, &pivot, &lower);
     for (i = 0U; i < OCC_STATES; i++) {
         for (j = 0U; j <= i; j++) {
-            occ_value sum = OCC_ZERO;
-            for (c = 0U; c <= j; c++) {
-                const occ_value one = (c < i) ? lower[((i * (i - 1U)) / 2U) + c] : OCC_ONE;
-                const occ_value other = (c < j) ? lower[((j * (j - 1U)) / 2U) + c] : OCC_ONE;
-                sum += (one * pivot[c]) * other;
-            }
-            p[(i * OCC_STATES) + j] = sum;
-            p[(j * OCC_STATES) + i] = sum;
+            p[(i * OCC_STATES) + j] = occ_entry(pivot, lower, i, j);
+            p[(j * OCC_STATES) + i] = p[(i * OCC_STATES) + j];
         }
     }
     return OCC_OK;
@@ -35,7 +42,6 @@ occ_status occ_variance(const occ_filter *f, occ_value v[OCC_STATES])
 /*?full*/
     const occ_value *pivot;
     const occ_value *lower;
-    uint32_t c;
 /*.*/
     uint32_t i;
 
@@ -48,12 +54,7 @@ occ_status occ_variance(const occ_filter *f, occ_value v[OCC_STATES])
 /*?full*/
     occ_factor(f, &pivot, &lower);
     for (i = 0U; i < OCC_STATES; i++) {
-        occ_value sum = OCC_ZERO;
-        for (c = 0U; c < i; c++) {
-            const occ_value l = lower[((i * (i - 1U)) / 2U) + c];
-            sum += (l * pivot[c]) * l;
-        }
-        v[i] = sum + pivot[i];
+        v[i] = occ_entry(pivot, lower, i, i);
     }
 /*.*/
 /*?!full*/
@@ -73,7 +74,6 @@ occ_status occ_predict(const occ_filter *f, occ_value w[OCC_OUTPUTS], occ_value 
     const occ_value *lower;
     uint32_t c;
 /*.*/
-    uint32_t i;
     uint32_t r;
 
     if ((f == NULL) || (w == NULL) || (v == NULL)) {
@@ -84,24 +84,17 @@ occ_status occ_predict(const occ_filter *f, occ_value w[OCC_OUTPUTS], occ_value 
     }
     D = occ_predict_matrix[occ_predict_matrix_row[f->k]];
     for (r = 0U; r < OCC_OUTPUTS; r++) {
-        w[r] = occ_predict_offset[occ_predict_offset_row[f->k]][r];
+        w[r] = occ_affine(occ_predict_offset[occ_predict_offset_row[f->k]][r], &D[r], OCC_OUTPUTS, f->x);
         v[r] = occ_predict_variance[occ_predict_variance_row[f->k]][r];
-    }
-    for (i = 0U; i < OCC_STATES; i++) {
-        for (r = 0U; r < OCC_OUTPUTS; r++) {
-            w[r] += D[(i * OCC_OUTPUTS) + r] * f->x[i];
-        }
     }
 /*?full*/
     /* the noise until then + D L diag(.) L' D' */
     occ_factor(f, &pivot, &lower);
-    for (c = 0U; c < OCC_STATES; c++) {
-        for (r = 0U; r < OCC_OUTPUTS; r++) {
-            occ_value sum = D[(c * OCC_OUTPUTS) + r];
-            for (i = c + 1U; i < OCC_STATES; i++) {
-                sum += D[(i * OCC_OUTPUTS) + r] * lower[((i * (i - 1U)) / 2U) + c];
-            }
-            v[r] += (sum * pivot[c]) * sum;
+    for (r = 0U; r < OCC_OUTPUTS; r++) {
+        occ_value row[OCC_COLUMNS];
+        occ_times_factor(row, &D[r], OCC_OUTPUTS, lower);
+        for (c = 0U; c < OCC_STATES; c++) {
+            v[r] += (row[c] * pivot[c]) * row[c];
         }
     }
 /*.*/

@@ -117,102 +117,39 @@ occ_status occ_place(uint32_t k, uint32_t sensor, uint32_t *first, uint32_t *cou
 
 /*.*/
 /* CRC-32 (IEEE 802.3) over the numbers of a table, least significant byte first whatever the processor */
-static uint32_t occ_crc_bytes(uint32_t crc, uint64_t word, uint32_t bytes)
+static uint32_t occ_crc(const unsigned char *bytes, uint32_t count, uint32_t width)
 {
+    const uint16_t probe = 1U;
+    const unsigned char first = *(const unsigned char *)&probe;
+    const uint32_t flip = (first == 1U) ? 0U : (width - 1U);
+    uint32_t crc = 0xFFFFFFFFU;
     uint32_t i;
     uint32_t bit;
-    uint32_t sum = crc;
-    uint64_t rest = word;
 
-    for (i = 0U; i < bytes; i++) {
-        sum ^= (uint32_t)(rest & (uint64_t)0xFFU);
-        rest >>= 8U;
+    for (i = 0U; i < count; i++) {
+        crc ^= (uint32_t)bytes[i ^ flip];
         for (bit = 0U; bit < 8U; bit++) {
-            sum = ((sum & 1U) != 0U) ? ((sum >> 1U) ^ 0xEDB88320U) : (sum >> 1U);
+            crc = ((crc & 1U) != 0U) ? ((crc >> 1U) ^ 0xEDB88320U) : (crc >> 1U);
         }
     }
-    return sum;
-}
-
-/*?crc_real*/
-static uint32_t occ_crc_real(const double *table, uint32_t count)
-{
-    uint32_t i;
-    uint32_t crc = 0xFFFFFFFFU;
-
-    for (i = 0U; i < count; i++) {
-        union {
-            double number;
-            uint64_t word;
-        } both;
-        both.number = table[i];
-        crc = occ_crc_bytes(crc, both.word, 8U);
-    }
     return crc ^ 0xFFFFFFFFU;
 }
 
-/*.*/
-/*?crc_single*/
-static uint32_t occ_crc_single(const float *table, uint32_t count)
-{
-    uint32_t i;
-    uint32_t crc = 0xFFFFFFFFU;
-
-    for (i = 0U; i < count; i++) {
-        union {
-            float number;
-            uint32_t word;
-        } both;
-        both.number = table[i];
-        crc = occ_crc_bytes(crc, both.word, 4U);
-    }
-    return crc ^ 0xFFFFFFFFU;
-}
-
-/*.*/
-/*?crc_8*/
-static uint32_t occ_crc_8(const uint8_t *table, uint32_t count)
-{
-    uint32_t i;
-    uint32_t crc = 0xFFFFFFFFU;
-
-    for (i = 0U; i < count; i++) {
-        crc = occ_crc_bytes(crc, table[i], 1U);
-    }
-    return crc ^ 0xFFFFFFFFU;
-}
-
-/*.*/
-/*?crc_16*/
-static uint32_t occ_crc_16(const uint16_t *table, uint32_t count)
-{
-    uint32_t i;
-    uint32_t crc = 0xFFFFFFFFU;
-
-    for (i = 0U; i < count; i++) {
-        crc = occ_crc_bytes(crc, table[i], 2U);
-    }
-    return crc ^ 0xFFFFFFFFU;
-}
-
-/*.*/
-/*?crc_32*/
-static uint32_t occ_crc_32(const uint32_t *table, uint32_t count)
-{
-    uint32_t i;
-    uint32_t crc = 0xFFFFFFFFU;
-
-    for (i = 0U; i < count; i++) {
-        crc = occ_crc_bytes(crc, table[i], 4U);
-    }
-    return crc ^ 0xFFFFFFFFU;
-}
-
-/*.*/
 occ_status occ_check(void)
 {
+    static const struct {
+        const void *table;
+        uint32_t count;
+        uint32_t width;
+        uint32_t crc;
+    } tables[] = {
+@CHECKS@
+    };
+    uint32_t i;
     uint32_t wrong = 0U;
 
-@CHECKS@
+    for (i = 0U; i < (uint32_t)(sizeof(tables) / sizeof(tables[0])); i++) {
+        wrong |= occ_crc((const unsigned char *)tables[i].table, tables[i].count, tables[i].width) ^ tables[i].crc;
+    }
     return (wrong == 0U) ? OCC_OK : OCC_BAD_TABLE;
 }
