@@ -6,7 +6,8 @@ gradient. Exchanging information h L_j for h L_l changes J by
 (the matrix inversion lemma on S^-1 - h L_j + h L_l). The smoothed covariance comes from the adjoint recursion
     Lam- = K' Lam K + C~'(I + C~ S- C~')^-1 C~,   Lam <- F' Lam- F,   S = S+ - S+ Lam S+        (Bryson & Frazier 1963)
 With a running weight J looks at the covariance at every time, and no one S will do. With S+ in its place the formula is
-tr(P dS+), which is never below the change: a later covariance is a concave function of an earlier one.
+tr(P dS+), which is never below the change: a later covariance is a concave function of an earlier one. Where the plant
+falls into blocks every promising exchange is swept on by itself, and exact (blocks/exchanges.py).
 """
 
 from __future__ import annotations
@@ -199,6 +200,8 @@ def best_exchanges(
     Returns gain (N,) <= 0 (0 where no exchange surely helps), leaving (N,) and entering (N,) sensor indices or -1.
     """
     leaves, enters = feasible_set.exchange_masks(weights)
+    if sweep.blocks is not None:
+        return sweep.blocks.exchanges.best(weights, sweep.gradient, leaves, enters)
     if sweep.dense:
         return _surely_good_exchanges(sweep, weights, leaves, enters)
     r, N = sweep.recursion, sweep.recursion.intervals

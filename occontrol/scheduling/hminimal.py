@@ -141,7 +141,7 @@ def polish(
         # what is minimised may lie a little below the cost, where a criterion is smoothed
         return _polish_by_trial(sweep, feasible_set, found.weights, sweep.cost(found.weights), monitor)
     found = _polish_by_exchange(sweep, feasible_set, start, max_rounds, monitor)
-    if sweep.dense and found.end == "stationary":
+    if not sweep.exact_exchanges and found.end == "stationary":
         tried = _polish_by_trial(sweep, feasible_set, found.weights, found.cost, monitor)
         found = replace(tried, iterations=found.iterations + tried.iterations)
     return found

@@ -86,6 +86,7 @@ class PeakSweep(Sweep):
     penalty : rho, of a limit
     """
 
+    splits = False
     signed = False
     corners = True
 

@@ -1,19 +1,24 @@
 """The forward and backward sweep over a Recursion: cost and gradient of a policy.
 
 Memory is O(K n^2) for K steps; above `memory_budget` bytes only every B-th covariance is kept and the rest recomputed.
+A recursion of many states that falls into small blocks is swept block by block (scheduling/blocks).
 """
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from occontrol.scheduling import kernels, kernels_blas, kernels_blas_back
+from occontrol.scheduling.blocks.components import block_sweep
 from occontrol.scheduling.criterion import Criterion
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.vectors import padded, width
 
 SMALL = 56  # states up to which the loops beat BLAS calls (scripts/bench.py measures where they cross)
 MEMORY_BUDGET = 1_000_000_000
+SPLIT = 12  # states from which blocks are looked for
 
 
 class Sweep:
@@ -31,7 +36,10 @@ class Sweep:
     memory_budget : bytes for covariances
     small : states up to which the loops are used
     criterion : Criterion of S_K in the place of tr(W S_K); W(S_K) is then found anew for every gradient
+    whole : never block by block
     """
+
+    splits: ClassVar[bool] = True  # whether blocks that nothing couples may be swept by themselves
 
     def __init__(
         self,
@@ -39,8 +47,12 @@ class Sweep:
         memory_budget: int = MEMORY_BUDGET,
         small: int = SMALL,
         criterion: Criterion | None = None,
+        whole: bool = False,
     ):
         r = self.recursion = recursion
+        apart = self.splits and criterion is None and not whole and recursion.states >= SPLIT
+        self.blocks = block_sweep(recursion) if apart else None
+        self._at, self.gradient = np.empty((0, 0)), np.empty((0, 0))
         n, N, rows = r.states, len(r.steps), r.rows.shape[1]
         self.small = n <= small
         self.dense = len(r.running) > 0
@@ -126,6 +138,9 @@ class Sweep:
 
     def cost(self, weights: np.ndarray) -> float:
         """J of a policy, `weights` (N, M); one forward sweep."""
+        if self.blocks is not None:
+            self.forward_count += 1
+            return self.blocks.cost(weights)
         return self._run_forward(self._on_steps(weights), keep=False)
 
     def _on_steps(self, weights: np.ndarray) -> np.ndarray:
@@ -133,6 +148,15 @@ class Sweep:
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
         """J and dJ/dv (N, M) of a policy, `weights` (N, M); one forward and one backward sweep."""
+        if self.blocks is not None:
+            self.forward_count += 1
+            self.backward_count += 1
+            self._at = weights.copy()
+            value, self.gradient = self.blocks.cost_and_gradient(weights)
+            return value, self.gradient.copy()
+        return self._dense_gradient(weights)
+
+    def _dense_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
         r, N, size = self.recursion, len(self.recursion.steps), self._segment
         weights = self._on_steps(weights)
         value = self._run_forward(weights, keep=True)
@@ -150,7 +174,8 @@ class Sweep:
                 self._forward(k0, k1, weights, self._store)
             self._backward(k0, k1, P, weights, gradient)
         self.backward_count += 1
-        return value, r.by_decision(gradient)
+        self.gradient = r.by_decision(gradient)
+        return value, self.gradient
 
     def _turn(self) -> None:
         """Between forward and backward: what the costate begins with, where the policy decides that."""
@@ -228,6 +253,11 @@ class Sweep:
         running = self._forward(k0, k1, self._on_steps(weights), self._none)
         return running, self._S[:, : self._n].copy()
 
+    @property
+    def exact_exchanges(self) -> bool:
+        """Whether the foreseen effect of an exchange is exact, and not only the least that it saves."""
+        return self.foresees_exchanges and (self.blocks is not None or not self.dense)
+
     def remember_products(self) -> None:
         """Make every later `cost_and_gradient` keep S+ and, without a running weight, G = C S+ V' of all rows."""
         if not self.dense and not len(self._products):
@@ -237,6 +267,10 @@ class Sweep:
     @property
     def kept(self) -> tuple[np.ndarray, np.ndarray]:
         """S+ (K, n, at least n) and G (K, r, p) of the last `cost_and_gradient`; G after `remember_products`."""
+        if self.blocks is not None and len(self._at):
+            counts, at, self._at = (self.forward_count, self.backward_count), self._at, self._at[:0]
+            self._dense_gradient(at)
+            self.forward_count, self.backward_count = counts
         return self._store, self._products
 
 

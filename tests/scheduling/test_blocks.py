@@ -11,6 +11,7 @@ from occontrol.scheduling.blocks.components import block_groups, block_sweep, co
 from occontrol.scheduling.blocks.resources import ResourceSet
 from occontrol.scheduling.blocks.sweep import BlockSweep
 from occontrol.scheduling.certified import Roots, square_root_pass
+from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.sweep import Sweep
 
@@ -71,13 +72,76 @@ def blocked(recursion: Recursion) -> BlockSweep:
 @pytest.mark.parametrize("seed", range(40))
 def test_blocks_equal_the_dense_sweep(seed: int) -> None:
     recursion, policy, _ = scattered(seed)
-    J, g = Sweep(recursion).cost_and_gradient(policy)
+    J, g = Sweep(recursion, whole=True).cost_and_gradient(policy)
     sweep = blocked(recursion)
     value, gradient = sweep.cost_and_gradient(policy)
     assert value == pytest.approx(J, rel=1e-12)
     assert np.max(np.abs(gradient - g)) <= 1e-12 * np.max(np.abs(g))
     assert sweep.cost(policy) == value
     assert np.any(g != recursion.decision_cost)  # something is measured
+
+
+def test_a_sweep_goes_by_blocks_where_there_are_many_states() -> None:
+    for seed in range(12):
+        recursion, policy, sizes = scattered(seed)
+        sweep, dense = Sweep(recursion), Sweep(recursion, whole=True)
+        many = recursion.states >= 12 and 2 * max(sizes) <= recursion.states
+        assert dense.blocks is None and (sweep.blocks is not None or not many)
+        (J, g), (value, gradient) = dense.cost_and_gradient(policy), sweep.cost_and_gradient(policy)
+        assert value == pytest.approx(J, rel=1e-12) and sweep.cost(policy) == pytest.approx(J, rel=1e-12)
+        assert np.max(np.abs(gradient - g)) <= 1e-12 * np.max(np.abs(g))
+        counts = sweep.forward_count, sweep.backward_count
+        n = recursion.states
+        a, b = sweep.kept[0][:, :n, :n], dense.kept[0][:, :n, :n]
+        assert np.max(np.abs(a - b)) <= 1e-12 * np.max(np.abs(b))
+        assert (sweep.forward_count, sweep.backward_count) == counts
+
+
+def whole_policy(seed: int) -> tuple[Recursion, IntervalPolytopes, np.ndarray]:
+    """A random recursion of blocks with one step a decision, one sensor or idle at a time, and a whole policy."""
+    recursion, _, _ = scattered(2 * seed)
+    fields = {f: getattr(recursion, f) for f in recursion.__dataclass_fields__}
+    N, M = recursion.available.shape
+    rows = recursion.offsets[-1]
+    fields |= {
+        "available": np.column_stack([recursion.available, np.ones(N)]),
+        "cost": np.column_stack([0.01 * recursion.cost, np.zeros(N)]),
+        "offsets": np.append(recursion.offsets, rows),
+    }
+    if seed % 2:
+        fields |= {"running": recursion.running[:0]}
+    recursion = Recursion(**fields)
+    allowed = IntervalPolytopes(recursion.available, 1)
+    wanted = np.random.default_rng(seed).random((N, M + 1))
+    wanted[::2, -1] = -1.0  # idle, where there is something to gain
+    return recursion, allowed, allowed.vertex(wanted)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_best_exchange_is_the_best_of_all(seed: int) -> None:
+    recursion, allowed, v = whole_policy(seed)
+    dense, sweep = Sweep(recursion, whole=True), blocked(recursion)
+    J, gradient = sweep.cost_and_gradient(v)
+    gain, leaving, entering = sweep.exchanges.best(v, gradient, *allowed.exchange_masks(v))
+    leaves, enters = allowed.exchange_masks(v)
+    found = 0
+    for k in range(len(v)):
+        tried = {}
+        for j, e in itertools.product(np.flatnonzero(leaves[k]), np.flatnonzero(enters[k])):
+            if j != e:
+                other = v.copy()
+                other[k, j] -= 1
+                other[k, e] += 1
+                tried[j, e] = dense.cost(other) - J
+        least = min(tried.values(), default=0.0)
+        if least >= -1e-9 * abs(J):
+            assert gain[k] >= -1e-9 * abs(J)
+            continue
+        found += 1
+        # what is left of a change is counted to first order, which never promises too much
+        assert tried[leaving[k], entering[k]] <= gain[k] + 1e-9 * abs(J)
+        assert gain[k] == pytest.approx(least, rel=2e-3, abs=1e-9 * abs(J))
+    assert found
 
 
 def test_the_blocks_are_found_whatever_the_order_of_the_states() -> None:

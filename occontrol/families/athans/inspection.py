@@ -115,7 +115,7 @@ def _observability(problem: SchedulingProblem) -> tuple[int, str]:
 
 
 def _blocks(problem: SchedulingProblem) -> list[tuple[str, str]]:
-    """What a plant of many states falls into, where nothing varies and it could be written as targets."""
+    """What a plant of many states falls into, where nothing varies; it could be written as targets, too."""
     plant = problem.plant
     signals = [plant.A, plant.noise, *(x for s in problem.sensors for x in (s.C, s.noise))]
     if problem.states < FALLS or not all(signal.constant for signal in signals):
@@ -126,5 +126,5 @@ def _blocks(problem: SchedulingProblem) -> list[tuple[str, str]]:
     sizes = [len(block) for block in components(discretise(problem))]
     if len(sizes) < 2:
         return []
-    text = f"{len(sizes)} parts that nothing couples, the largest of {plural(max(sizes), 'state')}; written as targets"
-    return [("blocks", f"{text} (docs/targets.md) they are solved part by part")]
+    text = f"{len(sizes)} parts that nothing couples, the largest of {plural(max(sizes), 'state')}"
+    return [("blocks", f"{text}: swept part by part; docs/targets.md has a shorter way to write them")]

@@ -170,7 +170,7 @@ class RelaxRoundPolish:
         candidates = sorted([*roundings(found.weights, feasible_set), *further], key=sweep.cost)
         found.weights, relaxed = candidates[0], found.relaxed
         if self.polish and not monitor.stop:
-            # without exact exchanges a polish is slow: the best start alone, but for readings, of which there are few
+            # with a running weight a polish is slow: the best start alone, but for readings, of which there are few
             exact = sweep.foresees_exchanges and not sweep.dense
             starts = candidates if exact or readings else candidates[:1]
             before = sweep.forward_count

@@ -120,6 +120,22 @@ def lanes_of(group: BlockGroup, steps: int, entries: int) -> Lanes:
     )  # fmt: skip
 
 
+def uses_of(lanes: Lanes, b: int, entries: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Step, weight number and first row of every use of one block, in the order of time.
+
+    Parameters
+    ----------
+    lanes : Lanes
+    b : number of the block
+    entries : E, how many weights there are
+    """
+    g, lane = divmod(b, WIDTH)
+    slots = lanes.slots[g]
+    entry, row = lanes.entry[slots[0] : slots[-1], lane], lanes.row[slots[0] : slots[-1], lane]
+    used = entry < entries
+    return np.repeat(np.arange(len(slots) - 1), np.diff(slots))[used], entry[used], row[used]
+
+
 def _laid(array: np.ndarray) -> np.ndarray:
     """(B, ..) -> flat (G, .., WIDTH), filled up with zeros."""
     B = len(array)

@@ -14,10 +14,14 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
+from occontrol.scheduling.blocks.exchanges import BlockExchanges
 from occontrol.scheduling.blocks.kernels import sweep_lanes
 from occontrol.scheduling.blocks.lanes import BlockGroup, lanes_of
 from occontrol.scheduling.vectors import WIDTH
@@ -87,6 +91,24 @@ class BlockSweep:
     def bytes(self) -> int:
         """Memory of what is laid out, without policies and gradients."""
         return sum(lanes.bytes for lanes in self.lanes)
+
+    def without_running(self) -> BlockSweep:
+        """The same with what is charged at the end alone, and without prices."""
+        other = copy(self)
+        other.lanes = [replace(lanes, R=lanes.R[:0]) for lanes in self.lanes]
+        other.price, other._costs = np.zeros_like(self.price), [np.zeros_like(c) for c in self._costs]
+        return other
+
+    def release(self) -> None:
+        """Forget the lists of uses, which are laid out by now: nothing but sweeps can follow."""
+        none = np.zeros(0, dtype=np.int32)
+        empty = {"block": none, "step": none, "entry": none, "row": none}
+        self.lanes = [replace(lanes, group=replace(lanes.group, **empty)) for lanes in self.lanes]
+
+    @cached_property
+    def exchanges(self) -> BlockExchanges:
+        """Of whole policies (K, M); only where every decision is one step."""
+        return BlockExchanges([lanes.group for lanes in self.lanes], self.steps, self.charges, self.price)
 
     def cost(self, weights: np.ndarray) -> float:
         """J of a policy, `weights` of the shape of the prices (N, M)."""

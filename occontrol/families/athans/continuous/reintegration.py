@@ -15,6 +15,7 @@ from occontrol.core.errors import SolveFailed
 from occontrol.core.schedule import Schedule
 from occontrol.families.athans.continuous.minimum_integral import minimum_integral
 from occontrol.families.athans.continuous.panels import Panels, PolicyData
+from occontrol.families.athans.continuous.parts import Part, parts_of, together
 from occontrol.families.athans.continuous.stretch import Stretch, stretch_length
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.numerics.gauss import gauss_nodes, legendre_coefficients, tail
@@ -83,40 +84,63 @@ def reintegrate(problem: SchedulingProblem, schedule: Schedule, rtol: float = 1e
     Athans (1971), equations (3.12), (4.1)-(4.4), (5.3), (5.4), (5.12); the bound is the relaxed problem's convexity.
     """
     data = PolicyData.of(problem, schedule)
-    output, later_noise = data.prediction(rtol)
-    panels = data.resolve(data.breaks(), rtol)
-    if problem.running is not None:
-        panels = _graded(data, panels, output)
+    everything = Part(data, np.arange(problem.states), np.arange(len(problem.sensors)))
+    parts = parts_of(problem, schedule) or [everything]
+    split = len(parts) > 1
+    outputs, later_noise = zip(*(part.data.prediction(rtol) for part in parts), strict=True)
+    panels = [_resolved(part.data, output, rtol) for part, output in zip(parts, outputs, strict=True)]
+    sweeps: list[_Sweep | None] = [None] * len(parts)
+    prices = _Prices(data, data.breaks()) if split else None
     sharp = False
     for remaining in reversed(range(ROUNDS)):
-        sweep = _Sweep(data, panels, output, sharp)
-        sweep.forward()
-        cost = problem.cost_weight * sweep.observation_cost + sweep.running_cost + sweep.prediction_error
-        sweep.backward()
+        for i, part in enumerate(parts):
+            if sweeps[i] is None:
+                sweep = sweeps[i] = _Sweep(part.data, panels[i], outputs[i], sharp)
+                sweep.forward()
+                sweep.backward()
+        done: list[_Sweep | _Prices] = [s for s in (*sweeps, prices) if s is not None]
+        observation, running, predicted, rounding = (
+            sum(getattr(s, name) for s in done)
+            for name in ("observation_cost", "running_cost", "prediction_error", "rounding")
+        )
+        cost = problem.cost_weight * observation + running + predicted
+        errors, count = sum(float(np.sum(s.errors)) for s in done), sum(len(s.panels) for s in done)
         allowed = 0.1 * rtol * abs(cost)
-        rough = (sweep.errors > 0.5 * allowed / len(panels)) & (panels.lengths > 1e-12 * problem.steps.sum())
-        rough &= np.sum(sweep.errors) > allowed
-        blunt = not sharp and sweep.rounding > allowed
-        if not (remaining and (blunt or np.any(rough))):
+        blunt = not sharp and rounding > allowed
+        shortest = 1e-12 * problem.steps.sum()
+        rough = [(s.errors > 0.5 * allowed / count) & (s.panels.lengths > shortest) & (errors > allowed) for s in done]
+        if not (remaining and (blunt or any(np.any(r) for r in rough))):
             break
-        panels, sharp = panels.divide(1 + rough), sharp or blunt
-    if not np.all(np.isfinite([cost, sweep.rounding, np.sum(sweep.errors), np.sum(sweep.switching)])):
+        sharp = sharp or blunt
+        for i in range(len(parts)):
+            if blunt or np.any(rough[i]):
+                panels[i], sweeps[i] = panels[i].divide(1 + rough[i]), None
+        if prices is not None and np.any(rough[-1]):
+            prices = _Prices(data, prices.panels.divide(1 + rough[-1]))
+    columns = [*(part.columns for part in parts), everything.columns][: len(done)]
+    given = [(s.panels, s.switching, c) for s, c in zip(done, columns, strict=True)]
+    common, switching = together(data.edges, len(problem.sensors), given) if split else (panels[0], done[0].switching)
+    if not np.all(np.isfinite([cost, rounding, errors, np.sum(switching)])):
         raise SolveFailed(
             "the check in continuous time overflowed: the covariance leaves the range of floating-point numbers\n"
             "  hint: an unstable plant that is not measured over a long horizon does that"
         )
-    gained, _ = minimum_integral(panels.lengths, sweep.switching, sweep.room, problem.select, 0.1 * rtol * abs(cost))
-    weights = np.einsum("pm,pim->pi", data.weights[panels.interval], sweep.switching)
-    spent = float(panels.lengths @ weights @ gauss_nodes()[1])
-    error = rtol * abs(cost) + float(np.sum(sweep.errors)) + sweep.rounding
+    room, limit = data.room(common), 0.1 * rtol * abs(cost)
+    gained, _ = minimum_integral(common.lengths, switching, room, problem.select, limit)
+    weights = np.einsum("pm,pim->pi", data.weights[common.interval], switching)
+    spent = float(common.lengths @ weights @ gauss_nodes()[1])
+    error = rtol * abs(cost) + errors + rounding
+    covariance = np.zeros((len(data.edges), problem.states, problem.states))
+    for part, sweep in zip(parts, sweeps, strict=True):
+        covariance[:, part.states[:, None], part.states] = sweep.covariance_at_edges if sweep is not None else np.nan
     return ContinuousCheck(
         cost=cost,
         lower_bound=cost - max(spent - gained, 0.0) - error,
-        observation_cost=sweep.observation_cost,
-        running_cost=sweep.running_cost,
-        prediction_error=sweep.prediction_error,
-        predicted_mean_square_error=sweep.prediction_error + later_noise,
-        covariance_at_edges=sweep.covariance_at_edges,
+        observation_cost=observation,
+        running_cost=running,
+        prediction_error=predicted,
+        predicted_mean_square_error=predicted + sum(later_noise),
+        covariance_at_edges=covariance,
         error=error,
     )
 
@@ -134,9 +158,7 @@ def switching_at_edges(problem: SchedulingProblem, schedule: Schedule, rtol: flo
     """
     data = PolicyData.of(problem, schedule)
     output, _ = data.prediction(rtol)
-    panels = data.resolve(data.breaks(), rtol)
-    if problem.running is not None:
-        panels = _graded(data, panels, output)
+    panels = _resolved(data, output, rtol)
     for remaining in reversed(range(ROUNDS)):
         sweep = _Sweep(data, panels, output)
         sweep.forward()
@@ -169,16 +191,17 @@ class _Sweep:
         self.roots: list[np.ndarray] = []
         self.kept: list[Stretch | None] = []
 
-    def stretches(self) -> Iterator[Stretch]:
-        """All stretches from the start on; afterwards `kept` holds the last one, and the others while there is room."""
+    def stretches(self, keep: bool = True) -> Iterator[Stretch]:
+        """All stretches from the start on; with `keep` the last one stays, and the others while there is room."""
         root, size = square_root(self.data.problem.plant.covariance / np.outer(self.data.scale, self.data.scale)), 0.0
         for part in self.parts:
             stretch = Stretch.of(self.data, self.panels[part], root, self.sharp)
-            if size + stretch.size > KEPT_BYTES:
+            if keep and size + stretch.size > KEPT_BYTES:
                 self.kept[:], size = [None] * len(self.kept), 0.0
-            size += stretch.size
-            self.kept.append(stretch)
-            self.roots.append(root)
+            if keep:
+                size += stretch.size
+                self.kept.append(stretch)
+                self.roots.append(root)
             root = stretch.roots[-1]
             yield stretch
         self.final = root
@@ -222,11 +245,35 @@ class _Sweep:
             if problem.running is not None:
                 left, right = stretch.running_back(accumulated)
                 self.switching[part] -= data.gains(stretch.panels, usable, left, right)
-        ripple = tail(self.switching)
-        weights = data.weights[panels.interval]
-        bound = np.sum(weights * ripple, axis=1)
-        bound += problem.select * np.max(np.where(self.room > 0, ripple, 0.0), axis=1)
+        bound = _doubt(data, panels, tail(self.switching))
         self.errors = panels.lengths * bound + self.cost_error + self.running_error
+
+
+class _Prices:
+    """What sensors cost, where parts of the plant are integrated by themselves; read like a _Sweep."""
+
+    running_cost = prediction_error = rounding = 0.0
+
+    def __init__(self, data: PolicyData, panels: Panels):
+        problem, self.panels = data.problem, panels
+        rates, weights = data.cost_rates(panels.node_times), data.weights[panels.interval]
+        charged = np.einsum("pm,pim->pi", weights, rates)
+        self.observation_cost = float(panels.lengths @ charged @ gauss_nodes()[1])
+        self.switching = problem.cost_weight * rates
+        self.errors = panels.lengths * (problem.cost_weight * tail(charged))
+        self.errors += panels.lengths * _doubt(data, panels, tail(self.switching))
+
+
+def _doubt(data: PolicyData, panels: Panels, ripple: np.ndarray) -> np.ndarray:
+    """(P,) how far switching functions that are off by `ripple` (P, M) may move the rate of the bound."""
+    most = np.max(np.where(data.room(panels) > 0, ripple, 0.0), axis=1)
+    return np.sum(data.weights[panels.interval] * ripple, axis=1) + data.problem.select * most
+
+
+def _resolved(data: PolicyData, output: np.ndarray, rtol: float) -> Panels:
+    """Panels that resolve the data, and with a running weight stiff transients, too."""
+    panels = data.resolve(data.breaks(), rtol)
+    return panels if data.problem.running is None else _graded(data, panels, output)
 
 
 def _graded(data: PolicyData, panels: Panels, output: np.ndarray) -> Panels:
@@ -236,7 +283,7 @@ def _graded(data: PolicyData, panels: Panels, output: np.ndarray) -> Panels:
     """
     shortest = 1e-14 * (data.edges[-1] - data.edges[0])
     while True:
-        stiffness = np.concatenate([s.stiffness() for s in _Sweep(data, panels, output).stretches()])
+        stiffness = np.concatenate([s.stiffness() for s in _Sweep(data, panels, output).stretches(keep=False)])
         if not np.all(np.isfinite(stiffness)):
             return panels
         pieces = np.ceil(np.log2(np.clip(stiffness, 1.0, 2.0**40))).astype(int)

@@ -16,6 +16,7 @@ from occontrol.families.athans.targets.one_target import continuous_costs
 from occontrol.families.athans.targets.problem import TargetsProblem
 from occontrol.families.athans.targets.rounding_check import rounding
 from occontrol.families.athans.targets.solve import Task, interrupted
+from occontrol.scheduling.blocks.sweep import BlockSweep
 from occontrol.scheduling.bounds import at_least_zero
 
 LISTED = 200  # targets up to which their costs stand in result.json
@@ -79,7 +80,7 @@ def assemble(
     top = TopNumbers(cost, certificate.lower_bound, certificate.relative_gap, "grid")
     per_target = {"cost": (by_error + paid).tolist(), "error": by_error.tolist()}
     many = problem.targets > LISTED
-    terminal = _terminal(f, weights)
+    terminal = _terminal(sweep, weights)
     running = float(np.sum(by_error)) - terminal
     numbers = AthansResult(
         name=problem.name, top=top, cost=cost, lower_bound=certificate.lower_bound,
@@ -151,14 +152,11 @@ def _check(
     return _Checked(None, what, wrong)
 
 
-def _terminal(filled: Filled, weights: np.ndarray) -> float:
+def _terminal(sweep: BlockSweep, weights: np.ndarray) -> float:
     """sum_i w_i tr(D Sigma(T) D'), of weights (E, 1)."""
-    from dataclasses import replace
-
-    groups = [replace(group, running=group.running[:, :0]) for group in filled.groups]
-    if not any(np.any(group.terminal) for group in groups):
+    if not any(np.any(lanes.terminal) for lanes in sweep.lanes):
         return 0.0
-    return float(replace(filled, groups=groups).sweep().cost(weights) - filled.looks.price @ weights[:, 0])
+    return sweep.without_running().cost(weights)
 
 
 def _raw_cost(problem: TargetsProblem, filled: Filled, weights: np.ndarray) -> float:

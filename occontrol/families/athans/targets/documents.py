@@ -43,6 +43,7 @@ class ResourceEntry(Strict):
     name: str = Field(description="name: a word")
     capacity: Matrix = Field(1, description="capacity: looks on one interval, a number, a formula of t or a table")
     windows: list[list[float]] | None = Field(None, description="windows: [[start, end], ..]")
+    slew: float | None = Field(None, description="slew: time between looks at different targets", gt=0)
 
 
 class TargetInitial(Strict):
@@ -75,6 +76,7 @@ class TargetEntry(Strict):
     name: str | None = None
     model: str = Field(description="model: the name of one of target_models")
     weight: Matrix = Field(1.0, description="weight: what this target counts")
+    revisit: float | None = Field(None, description="revisit: longest time without a look", gt=0)
     initial: OwnInitial | None = None
     noise: dict[str, Matrix] | None = Field(None, description="noise: {RESOURCE: ..} of its looks")
     C: dict[str, Matrix] | None = Field(None, description="C: {RESOURCE: rows} of its looks")
@@ -93,7 +95,7 @@ class LookEntry(Strict):
     variance: Matrix = Field(None, description="variance: of one look that lasts one interval, in place of noise")
     cost: Matrix = 0.0
     model: str | None = Field(None, description="model: of the targets that are seen like this; all if left out")
-    dwell: Whole = Field(1, description="dwell: intervals that a look lasts")
+    dwell: Whole = Field(1, description="dwell: intervals that a look lasts at least")
 
 
 class TargetsObjective(Strict):

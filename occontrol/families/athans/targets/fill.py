@@ -119,31 +119,35 @@ def _looks(problem: TargetsProblem) -> tuple[Looks, ResourceSet]:
         for looks in group.looks:
             open_ = capacity[looks.interval, looks.resource] > 0
             interval.append(looks.interval[open_])
-            resource.append(np.full(int(np.sum(open_)), looks.resource))
-            target.append(looks.target[open_] + problem.first[g])
+            resource.append(np.full(int(np.sum(open_)), looks.resource, dtype=np.int32))
+            target.append((looks.target[open_] + problem.first[g]).astype(np.int32))
             rate = looks.cost[looks.which[open_]] * problem.cost_weight
             price.append(rate * problem.steps[looks.interval[open_]])
             shape.append((g, len(interval[-1])))
-    k, rho, i = (np.concatenate(x).astype(np.int64) for x in (interval, resource, target))
-    q = np.concatenate(price)
-    stretch = k * R + rho
+    k, rho, i = np.concatenate(interval), np.concatenate(resource), np.concatenate(target)
+    del interval, resource, target
+    stretch = k * np.int64(R) + rho
+    del k, rho
     order = np.argsort(stretch * (T + 1) + i, kind="stable")
     used, count = np.unique(stretch, return_counts=True)
+    del stretch
     starts = np.concatenate([[0], np.cumsum(count + 1)])
-    place = np.empty(len(order), dtype=np.int64)
-    number = np.repeat(np.arange(len(used)), count)
-    place[order] = np.arange(len(order)) + number  # one weight more for every stretch before
     E = int(starts[-1])
+    place = np.empty(len(order), dtype=np.int32 if E < 2**31 else np.int64)
+    place[order] = np.arange(len(order)) + np.repeat(np.arange(len(used)), count)  # one more for every stretch before
+    del order
     full = np.full(E, -1, dtype=np.int32)
-    all_k, all_rho, price_of = np.empty(E, dtype=np.int32), np.empty(E, dtype=np.int32), np.zeros(E)
-    full[place], price_of[place] = i, q
-    all_k[:], all_rho[:] = np.repeat(used // R, count + 1), np.repeat(used % R, count + 1)
+    price_of = np.zeros(E)
+    full[place], price_of[place] = i, np.concatenate(price)
+    del i, price
+    all_k = np.repeat((used // R).astype(np.int32), count + 1)
+    all_rho = np.repeat((used % R).astype(np.int16 if R < 2**15 else np.int32), count + 1)
     source: list[list[np.ndarray]] = [[] for _ in problem.groups]
     at = 0
     for g, size in shape:
         source[g].append(place[at : at + size])
         at += size
-    lane = np.where(full >= 0, all_rho.astype(np.int64) * T + full, 0)
+    lane = np.where(full >= 0, all_rho.astype(np.int32 if R * T < 2**31 else np.int64) * T + full, 0)
     caps = capacity[(used // R).astype(np.int64), (used % R).astype(np.int64)]
     allowed = ResourceSet(starts, caps.astype(np.int64), (used // R).astype(np.int64), problem.steps, lane)
     return Looks(all_k, all_rho, full, price_of, source), allowed

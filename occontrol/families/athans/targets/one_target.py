@@ -26,7 +26,7 @@ def target_problem(problem: TargetsProblem, target: int) -> SchedulingProblem:
     A, noise = group.plant_of(i)
     plant = LinearPlant(A, noise, group.covariance[i], group.mean[i])
     sensors = [
-        _sensor(problem, group, looks, i, f"{group.names[i]}@{problem.resources[looks.resource].name}")
+        look_sensor(problem, group, looks, i, f"{group.names[i]}@{problem.resources[looks.resource].name}")
         for looks in group.looks
         if np.any(looks.target == i)
     ]
@@ -36,7 +36,7 @@ def target_problem(problem: TargetsProblem, target: int) -> SchedulingProblem:
         plant=plant,
         sensors=[*sensors, idle_sensor(n)],
         edges=problem.edges,
-        output=_root(w * group.terminal[i]),
+        output=root_of(w * group.terminal[i]),
         cost_weight=problem.cost_weight,
         running=w * group.running[i],
         select=max(1, len(sensors)),
@@ -87,8 +87,17 @@ def continuous_costs(
     return found
 
 
-def _sensor(problem: TargetsProblem, group: TargetGroup, looks: LookSet, i: int, name: str) -> Sensor:
-    """The looks of one resource at target i; where they change they are held from edge to edge."""
+def look_sensor(problem: TargetsProblem, group: TargetGroup, looks: LookSet, i: int, name: str) -> Sensor:
+    """The looks of one resource at target i of a group; where they change they are held from edge to edge.
+
+    Parameters
+    ----------
+    problem : TargetsProblem
+    group : of its targets
+    looks : LookSet of the group
+    i : number of the target in the group
+    name : of the sensor
+    """
     mine = np.flatnonzero(looks.target == i)
     which = looks.which[mine]
     if np.all(which == which[0]):
@@ -108,8 +117,8 @@ def _sensor(problem: TargetsProblem, group: TargetGroup, looks: LookSet, i: int,
     return Sensor(name, table(looks.C), table(looks.noise), table(looks.cost[:, None, None]))
 
 
-def _root(weight: np.ndarray) -> np.ndarray:
-    """D with D'D = weight (n, n), at least one row."""
+def root_of(weight: np.ndarray) -> np.ndarray:
+    """D with D'D = `weight` (n, n), at least one row."""
     values, vectors = np.linalg.eigh((weight + weight.T) / 2)
     kept = values > RANK * max(values[-1], 0.0)
     if not np.any(kept):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from occontrol.families.athans.targets.fill import Filled
-from occontrol.scheduling.blocks.lanes import BlockGroup
+from occontrol.scheduling.blocks.lanes import BlockGroup, Lanes, uses_of
 from occontrol.scheduling.blocks.sweep import BlockSweep
 from occontrol.scheduling.certified import FACTOR, ULP, Roots, square_root_pass
 from occontrol.scheduling.recursion import Recursion
@@ -35,20 +35,21 @@ def rounding(
     if not np.isfinite(sweep.cost(weights)):
         return np.inf, np.inf
     slope = gradient[:, 0] - filled.looks.price
-    for group, costs in zip(filled.groups, sweep.block_costs, strict=True):
+    for lanes, costs in zip(sweep.lanes, sweep.block_costs, strict=True):
+        group = lanes.group
         for b in _chosen(group):
-            entries, recursion, policy = one_block(group, int(b), filled, weights)
+            entries, recursion, policy = one_block(lanes, int(b), filled, weights)
             done = square_root_pass(Roots.of(recursion), policy)
             of_cost = max(of_cost, abs(done.cost - costs[b]) / max(abs(costs[b]), 1e-300))
             alone = np.bincount(entries.reshape(-1), minlength=len(slope) + 1)[:-1] > 0
-            if len(filled.groups) == 1 and _whole(group, int(b)):
+            if len(sweep.lanes) == 1 and _whole(group, int(b)):
                 known = np.zeros(len(slope) + 1)
                 np.add.at(known, entries, done.gradient)
                 size = np.max(np.abs(slope[alone]), initial=0.0)
                 if size > 0:
                     apart = np.max(np.abs(known[:-1] - slope)[alone])
                     of_gradient = max(of_gradient, float(apart / size))
-    least = ULP * np.sqrt(len(filled.steps)) * max(group.states for group in filled.groups)
+    least = ULP * np.sqrt(len(filled.steps)) * max(lanes.states for lanes in sweep.lanes)
     w = filled.allowed.vertex(gradient)
     moved = float(np.sum(np.abs(gradient) * np.abs(weights - w)))
     cost_part = FACTOR * (of_cost + least) * abs(cost)
@@ -67,37 +68,36 @@ def _chosen(group: BlockGroup) -> np.ndarray:
     if B <= CHECKED:
         return np.arange(B)
     size = np.zeros(B)
-    strength = np.sum(group.rows**2, axis=1)
-    np.maximum.at(size, group.block, strength[group.row])
+    if len(group.block):
+        strength = np.sum(group.rows**2, axis=1)
+        np.maximum.at(size, group.block, strength[group.row])
     told = size * np.einsum("bii->b", group.initial)
     evenly = np.linspace(0, B - 1, CHECKED // 2).astype(int)
     return np.unique(np.concatenate([np.argsort(-told)[: CHECKED // 2], evenly]))
 
 
 def one_block(
-    group: BlockGroup, b: int, filled: Filled, weights: np.ndarray
+    lanes: Lanes, b: int, filled: Filled, weights: np.ndarray
 ) -> tuple[np.ndarray, Recursion, np.ndarray]:
     """One block as a Recursion of its own, for code that knows no lanes.
 
     Parameters
     ----------
-    group : BlockGroup
-    b : number of the block
+    lanes : that it is one of
+    b : its number
     filled : of the problem
     weights : (E, 1) of all looks
 
     Returns the weight that each column belongs to (K, M), the recursion, and the policy (K, M).
     """
+    group = lanes.group
     K, n, per, E = len(filled.steps), group.states, group.per_use, len(weights)
-    mine = np.flatnonzero(group.block == b)
-    step = group.step[mine]
-    order = np.argsort(step, kind="stable")
-    mine, step = mine[order], step[order]
+    step, entry, row = uses_of(lanes, b, E)
     rank = np.arange(len(step)) - np.searchsorted(step, step)
     M = max(1, int(np.max(rank, initial=0)) + 1)
     entries, rows = np.full((K, M), E), np.zeros((K, M, per, n))
-    entries[step, rank] = group.entry[mine]
-    rows[step, rank] = group.rows[group.row[mine][:, None] + np.arange(per)]
+    entries[step, rank] = entry
+    rows[step, rank] = group.rows[row[:, None] + np.arange(per)]
     policy = np.append(weights[:, 0], 0.0)[entries]
     recursion = Recursion(
         initial=group.initial[b], transition=group.transition[b].copy(), noise=group.noise[b].copy(),

@@ -8,6 +8,8 @@ from occontrol.core.clock import lengths
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.kinds import PlainDict
 from occontrol.families.athans.integration.options import Integration
+from occontrol.families.athans.methods import METHODS as PLAIN
+from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.schema_parts import edges_of
 from occontrol.families.athans.targets.compile import GroupBuilder
 from occontrol.families.athans.targets.compile_looks import LookBuilder, open_between
@@ -16,17 +18,21 @@ from occontrol.families.athans.targets.groups import TargetGroup
 from occontrol.families.athans.targets.matrix_columns import MatrixColumns, Times
 from occontrol.families.athans.targets.methods import METHODS
 from occontrol.families.athans.targets.problem import Resource, TargetsProblem
+from occontrol.families.athans.targets.ruled import LookRules, as_one_plant
 from occontrol.families.athans.targets.tables import plain_columns, read_table
 from occontrol.files.schema.common import Context, options_document, plain, prune
 
 MOST_WEIGHTS = 200_000_000
 
 
-def build(document: TargetsDocument, context: Context) -> TargetsProblem:
-    """The problem that the document describes; ProblemError with every mistake."""
+def build(document: TargetsDocument, context: Context) -> TargetsProblem | SchedulingProblem:
+    """The problem that the document describes, as one plant where there are rules on looks; ProblemError with every
+    mistake."""
     found = context.found
     edges = edges_of(document.horizon, context)
-    method = None if document.method is None else context.method(document.method, METHODS)
+    ruled = any(look.dwell > 1 for look in document.looks) or any(r.slew for r in document.resources)
+    ruled = ruled or any(entry.revisit for entry in document.targets)
+    method = None if document.method is None else context.method(document.method, PLAIN if ruled else METHODS)
     expect = context.expect(document.expect)
     if edges is None:
         raise ProblemError(found.mistakes)
@@ -34,9 +40,6 @@ def build(document: TargetsDocument, context: Context) -> TargetsProblem:
     times = Times(edges, (edges[1:] + edges[:-1]) / 2, lengths(edges))
     resources = [_resource(entry, i, times, context) for i, entry in enumerate(document.resources)]
     for j, look in enumerate(document.looks):
-        if look.dwell != 1:
-            what = f"a look lasts {look.dwell} intervals; looks of many targets last one"
-            found.add(("looks", j, "dwell"), what, "make the intervals as long as a look")
         if look.model is not None and look.model not in document.target_models:
             found.add(("looks", j, "model"), f"there is no target model '{look.model}'")
     look_builder = LookBuilder(document.looks, [r.name for r in resources], MatrixColumns(times, context))
@@ -88,7 +91,19 @@ def build(document: TargetsDocument, context: Context) -> TargetsProblem:
         expect=expect, integration=steps,
     )  # fmt: skip
     found.raise_if_any()
-    return problem
+    return as_one_plant(problem, _rules(document, groups), method) if ruled else problem
+
+
+def _rules(document: TargetsDocument, groups: list[TargetGroup]) -> LookRules:
+    dwell, revisit = {}, {}
+    for look in reversed(document.looks):
+        models = document.target_models if look.model is None else [look.model]
+        dwell |= dict.fromkeys(models, look.dwell)
+    for entry, group in zip(document.targets, groups, strict=True):
+        if entry.revisit is not None:
+            revisit |= dict.fromkeys(group.names, entry.revisit)
+    slew = {r.name: r.slew for r in document.resources if r.slew}
+    return LookRules({m: d for m, d in dwell.items() if d > 1}, slew, revisit)
 
 
 def _resource(entry: ResourceEntry, i: int, times: Times, context: Context) -> Resource:

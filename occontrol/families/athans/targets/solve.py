@@ -30,6 +30,7 @@ MOST_SUBSTEPS = 16  # that are chosen where none are stated
 MOST_WORK = 3e7  # blocks times steps, beyond which no finer steps are chosen
 SEARCH = 8e7  # steps of a block of two states that the search may spend, at most so many times the open looks:
 SEARCH_PER_LOOK = 3e4
+LEAN = 30_000_000  # looks at blocks, beyond which their lists are dropped once they are laid out
 SEVERAL_STARTS, RANDOM_STARTS = 300, 5  # looks up to which there are several starts
 
 
@@ -73,12 +74,14 @@ def solve(problem: TargetsProblem, method: Method, monitor: Monitor) -> Solution
     began = stopwatch.seconds()
     gap = float(getattr(method, "relative_gap", 1e-4))
     filled, error = resolved(problem, gap, monitor)
-    task = relaxed_task(filled, gap, getattr(method, "max_iterations", STEPS_FOR_BOUND), monitor)
+    whole = isinstance(method, RelaxRoundPolish | Relaxed | RoundRobin | Random)
+    lean = whole and sum(len(group.entry) for group in filled.groups) > LEAN
+    task = relaxed_task(filled, gap, getattr(method, "max_iterations", STEPS_FOR_BOUND), monitor, lean)
     weights = _weights(task, method)
     return assemble(problem, method.name, task, weights, error, gap, began)
 
 
-def relaxed_task(filled: Filled, gap: float, most: int, monitor: Monitor) -> Task:
+def relaxed_task(filled: Filled, gap: float, most: int, monitor: Monitor, lean: bool = False) -> Task:
     """The relaxation of a problem, to a gap or at most so many steps.
 
     Parameters
@@ -87,8 +90,13 @@ def relaxed_task(filled: Filled, gap: float, most: int, monitor: Monitor) -> Tas
     gap : relative
     most : steps
     monitor : Monitor
+    lean : keep only what sweeps need: looks cannot be tried one by one afterwards
     """
     sweep = filled.sweep()
+    if lean:
+        filled.groups.clear()
+        sweep.release()
+        filled.groups.extend(lanes.group for lanes in sweep.lanes)
     monitor.stage = "relaxation"
     return Task(filled, sweep, relaxation.relax(sweep, filled.allowed, gap, most, monitor), monitor)
 
@@ -153,7 +161,7 @@ def _searched(task: Task, method: RelaxRoundPolish) -> np.ndarray:
     if len(f.steps) * sum(group.initial.size for group in f.groups) < 3e7:
         candidates.append(task.walk.policy(CHANGE, task.walk.costates(task.relaxed.weights)))
     candidates.sort(key=task.sweep.cost)
-    if not method.polish or monitor.stop:
+    if not method.polish or monitor.stop or not sum(len(group.entry) for group in f.groups):
         return candidates[0]
     monitor.stage = "search"
     data = singles(f.groups, f.owners, f.problem.targets, f.steps, f.charges)

@@ -242,7 +242,6 @@ REFUSED = [
     ("    running: {diag: [1, 0]}\n", "", "target model 'aircraft' has neither 'running' nor 'output'"),
     (", noise: [[sharp*r]]}", "}", "the looks of 'radar' have no 'noise'"),
     ("windows: [[0, 4], [5, 10]]", "windows: [[20, 30]]", "no resource ever sees a target"),
-    (", noise: [[sharp*r]]}", ", noise: [[sharp*r]], dwell: 2}", "a look lasts 2 intervals"),
 ]
 
 
