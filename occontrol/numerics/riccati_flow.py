@@ -16,10 +16,12 @@ import numpy as np
 from scipy.linalg import lapack
 
 from occontrol.numerics.linalg import square_root, symmetrise
+from occontrol.numerics.riccati_march import march_small
 
 MOST_TERMS = 60
 BLOCK_BYTES = 1e6
 STIFF = 1e3
+SMALL = 8  # states up to which compiled loops are faster than LAPACK
 
 
 def hamiltonian_matrices(A: np.ndarray, noise: np.ndarray, information: np.ndarray) -> np.ndarray:
@@ -117,8 +119,11 @@ def march(
     driven = np.swapaxes(square_root(Q), -1, -2)
     S, E, reduced = np.empty((count + 1, n, n)), np.empty_like(F), np.empty_like(F)
     S[0] = root
+    if n <= SMALL:
+        march_small(np.ascontiguousarray(F), np.ascontiguousarray(gamma), np.ascontiguousarray(driven), S, E, reduced)
+        return S, E, closed_loop(reduced, F, np.swapaxes(gamma, -1, -2) @ gamma)
     tall, stacked = np.zeros((2 * n, n), order="F"), np.empty((2 * n, n), order="F")
-    identity = np.eye(n)
+    identity, lower = np.eye(n), np.tri(n)
     for k in range(count):
         tall[:n] = identity
         tall[n:] = gamma[k] @ S[k]
@@ -127,7 +132,7 @@ def march(
         stacked[:n] = reduced[k] @ F[k].T
         stacked[n:] = driven[k]
         following, tau, _, _ = lapack.dgeqrf(stacked, lwork=32 * n)
-        S[k + 1] = np.tril(following[:n].T)
+        S[k + 1] = following[:n].T * lower
         orthogonal = lapack.dorgqr(following, tau, lwork=32 * n)[0]
         E[k] = lapack.dtrtrs(upper, orthogonal[:n])[0]
     return S, E, closed_loop(reduced, F, np.swapaxes(gamma, -1, -2) @ gamma)

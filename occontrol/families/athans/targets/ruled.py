@@ -104,8 +104,8 @@ def as_one_plant(problem: TargetsProblem, rules: LookRules, method: Method | Non
 
 def _mistakes(problem: TargetsProblem, rules: LookRules) -> list[Mistake]:
     """Why these rules are not for this problem, by their places in its file."""
-    found = []
-    capacity = problem.resources[0].capacity
+    found, first = [], problem.resources[0]
+    capacity = first.capacity
     given = np.unique(capacity[capacity > 0])
     if len(problem.resources) > 1:
         what = f"{_WORDS} are for one resource, there are {len(problem.resources)}"
@@ -114,7 +114,7 @@ def _mistakes(problem: TargetsProblem, rules: LookRules) -> list[Mistake]:
         what = f"{_WORDS} need a capacity that stays the same, it is {given[0]} to {given[-1]}"
         found.append(Mistake(("resources", 0, "capacity"), what, "a number; windows close it"))
     elif rules.slew and given[-1] > 1:
-        what = f"a slew is from one target to the next, the capacity of '{problem.resources[0].name}' is {given[-1]}"
+        what = f"a slew is from one target to the next, the capacity of '{first.name}' is {given[-1]}"
         found.append(Mistake(("resources", 0, "slew"), what, "capacity: 1, or leave slew out"))
     if problem.states > MOST_STATES:
         what = f"{_WORDS} are for at most {MOST_STATES} states in all, there are {problem.states}"
