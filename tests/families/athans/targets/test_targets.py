@@ -271,7 +271,7 @@ def test_a_dense_plant_that_falls_apart_is_told_so(tmp_path: Path) -> None:
 
     plain = dense(read(tracking(4, 12, 1, 6.0, 0.05), tmp_path))
     said = dict(family_of(plain).describe(plain))["blocks"]
-    assert said.startswith("12 parts that nothing couples, the largest of 2 states; written as targets")
+    assert said.startswith("12 parts that nothing couples, the largest of 2 states: swept part by part")
 
 
 def test_a_matrix_of_too_many_states_names_the_way_out(tmp_path: Path) -> None:
