@@ -60,6 +60,29 @@ def tracking(K: int, N: int, capacity: int, end: float, theta: float, seed: int 
     }
 
 
+def five(N: int = 200) -> dict:
+    """The five targets of six states that docs/bench.md has as one dense plant, with running and terminal weights."""
+    g, K = np.random.default_rng(5), 5
+    models, targets = {}, []
+    for i in range(K):
+        A = np.diag(np.ones(3), 3) + np.diag([0.0] * 3 + [-g.uniform(0.05, 0.3)] * 3)
+        q, s0 = g.uniform(0.1, 1, 3), g.uniform(5, 20)
+        weight = g.uniform(0.5, 2)
+        models[f"m{i}"] = {
+            "A": A.tolist(), "noise": {"diag": [0, 0, 0, *q]}, "output": (weight * np.eye(3, 6)).tolist(),
+            "running": {"diag": [*[g.uniform(0.25, 4)] * 3, 0, 0, 0]},
+            "initial": {"covariance": {"diag": [s0] * 3 + [1] * 3}},
+        }  # fmt: skip
+    for i in range(K):
+        theta = g.uniform(0.01, 0.1, 3).tolist()
+        targets.append({"name": f"t{i}", "model": f"m{i}", "noise": {"radar": {"diag": theta}}})
+    return {
+        "family": "athans", "name": "five targets", "horizon": {"start": 0, "end": 20, "intervals": N, "substeps": 1},
+        "resources": [{"name": "radar", "capacity": 1}], "target_models": models, "targets": targets,
+        "looks": [{"resource": "radar", "C": np.eye(3, 6).tolist()}], "objective": {"cost_weight": 0},
+    }  # fmt: skip
+
+
 def read(document: dict | str, folder: Path):
     """The problem of a document or of YAML text, through a file."""
     import occontrol

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,11 +24,17 @@ class Effort:
     rounds : prices that are tried
     gap : relative, what the lines of all plans still expect to gain
     exact : beginnings of a target up to which its minimum is exact
+    buckets : labels of a visit that stay apart, in the last rounds; 0: none
+    labels : in all, at most so many, or so many a visit, whichever is more
+    per_visit : see labels
     """
 
     rounds: int = 60
     gap: float = 1e-3
     exact: int = 0
+    buckets: int = 32
+    labels: int = 400_000
+    per_visit: int = 60
 
 
 class WholeLooks:
@@ -57,7 +63,7 @@ class WholeLooks:
         return answer(self.chunk, prices)
 
     def bound(self, start: np.ndarray, stop: Callable[[Found], bool] = lambda found: False) -> Found:
-        """The largest bound that is found, from prices `start` (S,) on.
+        """The largest bound that is found, from prices `start` (S,) on: with the forgetful programme, then with labels.
 
         Parameters
         ----------
@@ -65,12 +71,24 @@ class WholeLooks:
         stop : whether to leave earlier
         """
         lines = Lines(len(self.chunk.courses), self.capacity)
-        first, best = self._scaled(start, lines)
-        if stop(first):
-            return first
-        found = raise_bound(self.ask, lines, best, max(0, self.effort.rounds - first.rounds), self.effort.gap, stop)
-        found.rounds += first.rounds
-        return found if found.bound >= first.bound else first
+        found, best = self._scaled(start, lines)
+        e = self.effort
+        if not stop(found):
+            found = _better(found, raise_bound(self.ask, lines, best, e.rounds - found.rounds, e.gap, stop))
+        if not e.buckets or self.chunk.exactly or stop(found):
+            return found
+        spent, most = 0, max(e.labels, e.per_visit * sum(len(c.member) - 1 for c in self.chunk.courses))
+
+        def with_labels(prices: np.ndarray) -> Answer:
+            nonlocal spent
+            given = answer(self.chunk, prices, e.buckets)
+            spent += given.labels
+            return given
+
+        def enough(now: Found) -> bool:
+            return stop(now) or spent + spent / now.rounds > most
+
+        return _better(found, raise_bound(with_labels, lines, found.prices, e.rounds, e.gap, enough))
 
     def _scaled(self, start: np.ndarray, lines: Lines) -> tuple[Found, np.ndarray]:
         """The best multiple of prices: D is concave along them."""
@@ -86,6 +104,12 @@ class WholeLooks:
             found.bound, found.prices, found.bounds = value, prices, given.bounds
             scale *= FACTOR
         return found, found.prices
+
+
+def _better(one: Found, other: Found) -> Found:
+    """The larger bound of two, with the rounds of both."""
+    found = other if other.bound >= one.bound else one
+    return replace(found, rounds=one.rounds + other.rounds)
 
 
 def relaxed_prices(gradient: np.ndarray, allowed: ResourceSet) -> np.ndarray:

@@ -50,7 +50,6 @@ class Chunk:
     stretch : (E,) number of the stretch of every look of the problem
     tangents : of all targets of the problem, or None
     exact : beginnings of a target up to which its minimum is exact; 0 for none
-    buckets : labels of a visit that stay apart; 0: no labels (labels.py)
     """
 
     courses: Sequence[Course]
@@ -58,7 +57,6 @@ class Chunk:
     stretch: np.ndarray
     tangents: Tangents | None = None
     exact: int = 0
-    buckets: int = 0
 
     @cached_property
     def known(self) -> list[Beginnings | Tables]:
@@ -71,32 +69,34 @@ class Chunk:
         return all(isinstance(t, Beginnings) for t in self.known)
 
 
-def answer(chunk: Chunk, prices: np.ndarray) -> Answer:
+def answer(chunk: Chunk, prices: np.ndarray, buckets: int = 0) -> Answer:
     """Bounds and plans of targets at prices of looks.
 
     Parameters
     ----------
     chunk : Chunk
     prices : (S,) lam >= 0 of every stretch
+    buckets : labels of a visit that stay apart (labels.py); 0: no labels
     """
     each = prices[chunk.stretch]
-    bounds, costs, stretches = np.empty(len(chunk.courses)), np.empty(len(chunk.courses)), []
+    bounds, costs, stretches, labels = np.empty(len(chunk.courses)), np.empty(len(chunk.courses)), [], 0
     for i, (course, table) in enumerate(zip(chunk.courses, chunk.known, strict=True)):
         due = course.dues(each)
         if isinstance(table, Beginnings):
             bounds[i], visits = table.best(due)
         else:
             found = plan(course, table, due)
-            if chunk.buckets:
+            if buckets:
                 ceiling = cost_of(course, found.visits) + float(np.sum(due[found.visits]))
-                found, _ = refined(course, table, due, ceiling, chunk.buckets, found)
+                found, count = refined(course, table, due, ceiling, buckets, found)
+                labels += count
             bounds[i], visits = found.bound, found.visits
         costs[i] = real_cost(course, visits)
         stretches.append(chunk.stretch[course.entry[course.looks_of(visits)]])
         if chunk.tangents is not None:
             g = chunk.tangents.slope[course.entry] + each[course.entry]
             bounds[i] = max(bounds[i], chunk.tangents.base[chunk.numbers[i]] + np.sum(np.minimum(g, 0.0)))
-    return Answer(bounds, costs, stretches)
+    return Answer(bounds, costs, stretches, labels)
 
 
 def visit_counts(answers: Sequence[Answer], stretches: int) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 A label is a beginning that ends with a visit v: what it has cost and the covariance after v. It goes on to every later
 visit that the dynamic programme of forgetful.py, which is a lower bound of what follows, does not rule out: what
-reaches the cost of a plan that is known is left. Labels of a visit whose covariances are worth about the same are
+reaches the cost of a plan that is known is left. Where a visit has too many labels, two that lose little by it are
 merged into one with the lesser cost and a covariance below both (meets.py), so that the least of all stays a bound.
 """
 
@@ -16,24 +16,6 @@ from occontrol.scheduling.whole.forgetful import Plan, onward_from, plan
 from occontrol.scheduling.whole.kernels import DEFLATED, OPTIONS, begin, finish, pack, space, take, unpack
 from occontrol.scheduling.whole.meets import above, meet
 from occontrol.scheduling.whole.tables import Tables
-
-
-@njit(**OPTIONS)
-def _lines(gap, visit, ahead, T, low, per):
-    """low (V,) and per (V,) <- the range of values of the covariances after each visit, so that buckets share it."""
-    P, D = len(visit) - 1, T.shape[2]
-    C = T.shape[1]
-    for p in range(P):
-        r = min(p + ahead, P)
-        for v in range(visit[p], visit[p + 1]):
-            a, z = np.inf, -np.inf
-            for c in range(C - 1 if p == 0 else 0, C):
-                x = 0.0
-                for d in range(D):
-                    x += gap[p, d, r] * T[v, c, d]
-                if x > 0.0:
-                    a, z = min(a, x), max(z, x)
-            low[v], per[v] = a, (z - a)
 
 
 @njit(**OPTIONS)
@@ -55,8 +37,7 @@ def _search(
     B = buckets
     held, cost = np.empty((V * B, D)), np.full(V * B, np.inf)
     worth, parent = np.zeros(V * B), np.full(V * B, -1, dtype=np.int64)
-    low, per = np.empty(V), np.empty(V)
-    _lines(gap, visit, ahead, T, low, per)
+    held_by = np.zeros(V, dtype=np.int64)
     onward, arc = np.empty(P + 1), np.empty(P + 1)
     best, last_label, count = never, -1, 0
     for p in range(P):
@@ -64,7 +45,7 @@ def _search(
             x = first[v] + due[v] + rest[v, C - 1]
             if x + value[v, C - 1] <= ceiling:
                 _insert(
-                    sizes, v, T[v, C - 1], x, -1, gap[p], min(p + ahead, P), T[v, 0], low, per, B, held, cost, worth,
+                    sizes, v, T[v, C - 1], x, -1, gap[p], min(p + ahead, P), T[v, 0], held_by, B, held, cost, worth,
                     parent, X, E, U, scale,
                 )  # fmt: skip
         onward_from(p, p, visit, lump, due, rest, value, onward)
@@ -102,7 +83,7 @@ def _search(
                             if x + value[w, lump[q - p]] <= limit:
                                 pack(data, other, DEFLATED, new)
                                 _insert(
-                                    sizes, w, new, x, label, gap[q], min(q + ahead, P), T[w, 0], low, per, B, held,
+                                    sizes, w, new, x, label, gap[q], min(q + ahead, P), T[w, 0], held_by, B, held,
                                     cost, worth, parent, X, E, U, scale,
                                 )  # fmt: skip
                     q += 1
@@ -111,28 +92,42 @@ def _search(
 
 
 @njit(**OPTIONS)
-def _insert(sizes, v, S, c, origin, gap, r, lowest, low, per, B, held, cost, worth, parent, X, E, U, scale):
-    """A label of visit v with cost c and covariances S (D,), merged where its bucket is taken."""
+def _insert(sizes, v, S, c, origin, gap, r, lowest, held_by, B, held, cost, worth, parent, X, E, U, scale):
+    """A label of visit v with cost c and covariances S (D,): into a free place, or merged where least is lost.
+
+    `worth` of a label is what its covariances cost over the next gap, r intervals on: with that alone, the lesser cost
+    and the lesser worth of two labels are below the better of them by what is taken for lost.
+    """
     x = 0.0
     for d in range(len(S)):
         x += gap[d, r] * S[d]
-    at = int(B * (x - low[v]) / per[v]) if per[v] > 0.0 else 0
-    label = v * B + min(max(at, 0), B - 1)
-    if cost[label] == np.inf:
+    label, least = -1, np.inf
+    for other in range(v * B, v * B + held_by[v]):
+        lost = min(c + x, cost[other] + worth[other]) - min(c, cost[other]) - min(x, worth[other])
+        if lost < least:
+            label, least = other, lost
+    if label >= 0:
+        there = held[label]
+        if c >= cost[label] and above(sizes, S, there, X, E):
+            return
+        if c <= cost[label] and above(sizes, there, S, X, E):
+            there[:] = S
+            cost[label], worth[label], parent[label] = c, x, origin
+            return
+    if held_by[v] < B:
+        label = v * B + held_by[v]
+        held_by[v] += 1
         held[label] = S
-        cost[label], worth[label], parent[label] = c, c + x, origin
+        cost[label], worth[label], parent[label] = c, x, origin
         return
     there = held[label]
-    if c >= cost[label] and above(sizes, S, there, X, E):
-        return
-    if c <= cost[label] and above(sizes, there, S, X, E):
-        there[:] = S
-        cost[label], worth[label], parent[label] = c, c + x, origin
-        return
+    if c + x < cost[label] + worth[label]:
+        parent[label] = origin
     meet(sizes, there, S, lowest, DEFLATED, X, E, U, scale)
     cost[label] = min(cost[label], c)
-    if c + x < worth[label]:
-        worth[label], parent[label] = c + x, origin
+    worth[label] = 0.0
+    for d in range(len(S)):
+        worth[label] += gap[d, r] * there[d]
 
 
 def refined(

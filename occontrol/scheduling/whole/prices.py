@@ -30,11 +30,13 @@ class Answer:
     bounds : (T,) m_i from below
     costs : (T,) what their plans cost, without prices
     stretches : for every target, the stretch of each look of its plan
+    labels : that it took
     """
 
     bounds: np.ndarray
     costs: np.ndarray
     stretches: list[np.ndarray]
+    labels: int = 0
 
 
 @dataclass

@@ -18,12 +18,15 @@ from occontrol.families.athans.targets.rounding_check import rounding
 from occontrol.families.athans.targets.solve import Task, interrupted
 from occontrol.scheduling.blocks.sweep import BlockSweep
 from occontrol.scheduling.bounds import at_least_zero
+from occontrol.scheduling.whole.bound import relaxed_prices
 
 LISTED = 200  # targets up to which their costs stand in result.json
 SAFETY = 5.0  # discretisation errors by which the check in continuous time may differ
 RELATIVE = 1e-6
 SMALLEST = 1e-12
 MOST_HALVED = 3e7  # blocks times steps
+OF_WHOLE = 2.0  # times the relative doubt about the cost, of the numbers that the bound on whole looks is made of
+WHOLE_ALLOWANCE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,9 @@ def assemble(
             "the covariance of a target leaves the range of floating-point numbers\n"
             "  hint: a target that grows and is not looked at for long does that; shorten the horizon"
         )
-    bound = at_least_zero(max(own, relaxed.lower_bound) - allowance, cost)
+    relaxed_bound = at_least_zero(max(own, relaxed.lower_bound) - allowance, cost)
+    integer_bound = _of_whole_looks(task, weights, of_cost / abs(cost) if cost else 0.0)
+    bound = max(relaxed_bound, -np.inf if integer_bound is None else integer_bound)
     certificate = Certificate(cost, bound, max(ALLOWANCE, 2 * allowance / abs(cost)) if cost else 0.0)
     schedule = schedule_of(f, weights)
     task.monitor.report(relaxed.iterations, cost, certificate.lower_bound, stage="check")
@@ -91,14 +96,16 @@ def assemble(
         relaxed_cost=relaxed.cost, relaxed_lower_bound=relaxed.lower_bound, singular_fraction=None,
         intervals=problem.intervals, readings=None, integration_steps=len(f.steps), integration_error=known,
         added_edges=[], warnings=[], switches=schedule.switches, sweeps=dict(relaxed.sweeps), extra=dict(task.extra),
-        schedule=schedule.segments(), bounds={"relaxed": certificate.lower_bound, "integer": None},
+        schedule=schedule.segments(), bounds={"relaxed": relaxed_bound, "integer": integer_bound},
+        proven_optimal=task.whole.proven or None if task.whole is not None else None,
+        nodes=task.whole.nodes if task.whole is not None else None,
         blocks=sum(len(group) for group in f.groups), targets=problem.targets,
         per_target=None if many else per_target,
     )  # fmt: skip
     arrays = {
         "times": problem.edges, "edges": problem.edges, "weights": schedule.weights,
         "per_target_cost": by_error + paid, "per_target_error": by_error,
-        "prices": _prices(problem, f, relaxed.gradient),
+        "prices": _prices(problem, f, relaxed.gradient, task, bound > relaxed_bound),
     }  # fmt: skip
     return make_solution(
         problem=problem, method=name, status=status,
@@ -176,15 +183,19 @@ def _raw_cost(problem: TargetsProblem, filled: Filled, weights: np.ndarray) -> f
     return found
 
 
-def _prices(problem: TargetsProblem, filled: Filled, gradient: np.ndarray) -> np.ndarray:
-    """(N, resources) what one more look of a resource would save to first order, at the relaxed optimum."""
+def _of_whole_looks(task: Task, weights: np.ndarray, doubt: float) -> float | None:
+    """The bound on whole looks, lowered by what rounding may have done; None where weights (E, 1) share looks out."""
+    if task.whole is None or np.any(np.abs(weights - np.round(weights)) > SMALLEST):
+        return None
+    return task.whole.bound - max(OF_WHOLE * doubt, WHOLE_ALLOWANCE) * task.whole.size
+
+
+def _prices(problem: TargetsProblem, f: Filled, gradient: np.ndarray, task: Task, whole: bool) -> np.ndarray:
+    """(N, resources) what one more look would save to first order: by whole looks, or by the relaxation."""
     found = np.zeros((problem.intervals, len(problem.resources)))
-    allowed, g = filled.allowed, gradient[:, 0]
-    for s, c in enumerate(allowed.capacity):
-        a, b = int(allowed.starts[s]), int(allowed.starts[s + 1]) - 1
-        if b - a > c:
-            price = -float(np.partition(g[a:b], c)[c])
-            found[allowed.interval[s], filled.looks.resource[a]] = max(price, 0.0)
+    allowed = f.allowed
+    prices = task.whole.prices if task.whole is not None and whole else relaxed_prices(gradient, allowed)
+    found[allowed.interval, f.looks.resource[allowed.starts[:-1]]] = prices
     return found
 
 

@@ -18,7 +18,8 @@ from occontrol.families.athans.found import STEPS_FOR_BOUND
 from occontrol.families.athans.targets.assembly import assemble
 from occontrol.families.athans.targets.fill import Filled
 from occontrol.families.athans.targets.problem import TargetsProblem
-from occontrol.families.athans.targets.solve import relaxed_task, resolved
+from occontrol.families.athans.targets.solve import near, relaxed_task, resolved
+from occontrol.families.athans.targets.whole import bound_whole, by_tree
 
 ROUNDING = 1e-6
 
@@ -39,9 +40,15 @@ def certify(problem: TargetsProblem, schedule: Schedule, claims: Claims | None =
     filled, error = resolved(problem, gap, monitor)
     weights = weights_of(filled, schedule)
     task = relaxed_task(filled, gap, STEPS_FOR_BOUND, monitor)
+    whole = bool(np.all(weights == np.round(weights)))
+    if whole and not near(task, weights):
+        task.whole = bound_whole(filled, task.sweep, task.relaxed, monitor, walk=False)
+        if task.whole is not None:
+            task.whole = by_tree(filled, task.sweep, task.relaxed, task.whole, weights, monitor)
     solution = assemble(problem, "certify", task, weights, error, gap, began)
     if claims is not None and solution.certificate is not None:
-        lowest = min(task.relaxed.cost, solution.certificate.cost)
+        other = task.sweep.cost(filled.allowed.round(task.relaxed.weights)) if whole else task.relaxed.cost
+        lowest = min(other, solution.certificate.cost)
         continuous = getattr(getattr(solution.numbers, "continuous", None), "cost", None)
         refuted = false_claims(claims, solution.certificate.cost, lowest, continuous, parts_of(solution.numbers))  # type: ignore[arg-type]
         if refuted:

@@ -14,6 +14,7 @@ from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution
 from occontrol.families.athans.targets.paths import ages, charged
 from occontrol.families.athans.targets.problem import TargetsProblem
+from occontrol.families.athans.targets.text import priced_by
 from occontrol.files.figures import style
 
 NAMED = 40  # targets up to which every row has its name
@@ -153,7 +154,7 @@ def _prices(axes: Axes, problem: TargetsProblem, solution: Solution) -> None:
     shown = np.argsort(-np.sum(prices, axis=0))[: len(style.PALETTE)]
     for j, colour in zip(np.sort(shown), style.PALETTE, strict=False):
         axes.stairs(prices[:, j], problem.edges, color=colour, baseline=None, label=style.shorten(names[j]))
-    axes.set_title("price of one more look, relaxed")
+    axes.set_title(f"price of one more look, by {priced_by(solution)}")
     axes.set_ylim(bottom=0)
     if len(names) > 1:
         axes.legend(fontsize=8, frameon=False)

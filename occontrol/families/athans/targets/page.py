@@ -8,6 +8,7 @@ from occontrol.core.look_schedule import LookSchedule
 from occontrol.core.solution import Solution
 from occontrol.families.athans.targets.paths import ages, charged
 from occontrol.families.athans.targets.problem import TargetsProblem
+from occontrol.families.athans.targets.text import priced_by
 from occontrol.files.page.content import Bars, Curves, Group, Panel
 from occontrol.files.page.usual import MOST_TARGETS, TIME, curves_or_map
 
@@ -36,6 +37,6 @@ def target_groups(problem: TargetsProblem, solution: Solution) -> list[Group]:
     ):
         shares = np.percentile(values, SHARES, axis=1).T
         panels.append(Curves(title=title, label=label, times=edges, values=shares, names=names))
-    title = "price: what one more look would save, by the relaxed optimum"
+    title = f"price: what one more look would save, by {priced_by(solution)}"
     panels.append(curves_or_map(title, "cost", edges, solution.arrays["prices"], problem.resource_names))
     return [Group(axis=TIME, panels=panels)]

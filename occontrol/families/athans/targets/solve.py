@@ -18,6 +18,7 @@ from occontrol.families.athans.methods import Relaxed, RelaxRoundPolish
 from occontrol.families.athans.targets.fill import Filled, fill
 from occontrol.families.athans.targets.methods import CostateIndex, Information, LargestTrace
 from occontrol.families.athans.targets.problem import TargetsProblem
+from occontrol.families.athans.targets.whole import ENOUGH, MOST_LOOKS, Whole, bound_whole, by_tree
 from occontrol.scheduling.blocks import relaxation
 from occontrol.scheduling.blocks.local_search import improve
 from occontrol.scheduling.blocks.single import singles
@@ -45,6 +46,7 @@ class Task:
     relaxed : the relaxation
     monitor : Monitor
     extra : what a method alone has to say
+    whole : what is known about schedules of whole looks
     """
 
     filled: Filled
@@ -52,6 +54,7 @@ class Task:
     relaxed: RelaxedOutcome
     monitor: Monitor
     extra: PlainDict = field(default_factory=dict)
+    whole: Whole | None = None
 
     @cached_property
     def walk(self) -> Walk:
@@ -155,11 +158,40 @@ def _weights(task: Task, method: Method) -> np.ndarray:
 
 
 def _searched(task: Task, method: RelaxRoundPolish) -> np.ndarray:
-    """The best of several roundings and of the costate index, improved by exact single changes."""
+    """The best of several roundings, the costate index and the price index, improved by exact changes, and the tree."""
     f, monitor = task.filled, task.monitor
-    candidates = roundings(task.relaxed.weights, f.allowed)[:2]
-    if len(f.steps) * sum(group.initial.size for group in f.groups) < 3e7:
-        candidates.append(task.walk.policy(CHANGE, task.walk.costates(task.relaxed.weights)))
+    best = _improved(task, method)
+    if near(task, best):
+        return best
+    task.whole = bound_whole(f, task.sweep, task.relaxed, monitor, walk=True)
+    if task.whole is None:
+        return best
+    if task.whole.weights is not None:
+        found = _improved(task, method, [task.whole.weights])
+        best = min((best, found), key=task.sweep.cost)
+    task.whole = by_tree(f, task.sweep, task.relaxed, task.whole, best, monitor)
+    if task.whole.weights is None:
+        return best
+    return min((best, task.whole.weights), key=task.sweep.cost)
+
+
+def near(task: Task, weights: np.ndarray) -> bool:
+    """Whether the relaxed bound lies so near the cost of a schedule (E, 1) that nothing more is asked.
+
+    Parameters
+    ----------
+    task : Task
+    weights : (E, 1) whole looks
+    """
+    cost = task.sweep.cost(weights)
+    few = np.sum(task.filled.looks.target >= 0) <= MOST_LOOKS
+    return cost - task.relaxed.lower_bound <= ENOUGH * abs(cost) and not few
+
+
+def _improved(task: Task, method: RelaxRoundPolish, starts: list[np.ndarray] | None = None) -> np.ndarray:
+    """The best of schedules (E, 1), those at hand if none are named, improved by exact single changes."""
+    f, monitor = task.filled, task.monitor
+    candidates = _at_hand(task) if starts is None else starts
     candidates.sort(key=task.sweep.cost)
     if not method.polish or monitor.stop or not sum(len(group.entry) for group in f.groups):
         return candidates[0]
@@ -167,7 +199,7 @@ def _searched(task: Task, method: RelaxRoundPolish) -> np.ndarray:
     data = singles(f.groups, f.owners, f.problem.targets, f.steps, f.charges)
     work, looks, open_ = SEARCH, f.looks, f.allowed.shape[0]
     work = min(work, SEARCH_PER_LOOK * open_ * f.substeps)
-    if open_ <= SEVERAL_STARTS:  # a few looks have many local optima: several starts cost little
+    if starts is None and open_ <= SEVERAL_STARTS:  # a few looks have many local optima: several starts cost little
         order = round_robin(f.allowed, f.problem.targets * len(f.problem.resources))
         candidates += [order, *(random_looks(f.allowed, seed) for seed in range(RANDOM_STARTS))]
     else:
@@ -180,6 +212,15 @@ def _searched(task: Task, method: RelaxRoundPolish) -> np.ndarray:
         done.append((task.sweep.cost(x), len(done), x))
         task.extra["changes"] = task.extra.get("changes", 0) + made
     return min(done)[2]
+
+
+def _at_hand(task: Task) -> list[np.ndarray]:
+    """Roundings of the relaxed optimum and the schedule of its costate index, (E, 1) each."""
+    f = task.filled
+    candidates = roundings(task.relaxed.weights, f.allowed)[:2]
+    if len(f.steps) * sum(group.initial.size for group in f.groups) < 3e7:
+        candidates.append(task.walk.policy(CHANGE, task.walk.costates(task.relaxed.weights)))
+    return candidates
 
 
 def interrupted(task: Task) -> Status:

@@ -94,6 +94,18 @@ def summarise(problem: TargetsProblem, solution: Solution) -> list[tuple[str, st
     return lines
 
 
+def priced_by(solution: Solution) -> str:
+    """What the prices of looks in a solution come from.
+
+    Parameters
+    ----------
+    solution : Solution of a problem of targets
+    """
+    bounds = getattr(solution.numbers, "bounds", None) or {}
+    integer = bounds.get("integer")
+    return "the bound on whole looks" if integer is not None and integer > bounds["relaxed"] else "the relaxed optimum"
+
+
 def warnings_of(problem: TargetsProblem) -> list[Mistake]:
     """Targets that no resource ever sees.
 

@@ -20,8 +20,11 @@ from occontrol.scheduling.whole.prices import Found
 from occontrol.scheduling.whole.tree import search
 
 CONTEXTS = 16  # lumps of gaps that a target has, about
-MOST_BYTES = 1.5e9  # of the tables of all targets
+MOST_BYTES = 1.2e9  # of the tables of all targets
 MOST_LOOKS = 200  # up to which a problem is small enough to ask for the trees of its targets
+MOST_ARCS = 5e9  # gaps that are looked at in all rounds
+ROUNDS = 12, 60
+ENOUGH = 5e-3  # relative gap to the relaxed bound, up to which nothing more is asked
 CLOSED = 1e-9  # relative gap that is none
 NODES = 3_000_000
 
@@ -95,6 +98,13 @@ def fits(filled: Filled) -> bool:
     return 8 * float(np.sum((1.5 * visits * CONTEXTS + 12 * open_) * open_)) <= MOST_BYTES
 
 
+def _rounds(filled: Filled) -> int:
+    """Prices that are tried: fewer where there are many looks."""
+    real = filled.looks.target >= 0
+    each = np.bincount(filled.looks.target[real], minlength=filled.problem.targets).astype(float)
+    return int(np.clip(MOST_ARCS / (0.5 * CONTEXTS * float(np.sum(each**2)) + 1.0), *ROUNDS))
+
+
 def bound_whole(
     filled: Filled, sweep: BlockSweep, relaxed: RelaxedOutcome, monitor: Monitor, walk: bool
 ) -> Whole | None:
@@ -111,7 +121,7 @@ def bound_whole(
     if monitor.stop or not np.isfinite(relaxed.cost) or not fits(filled):
         return None
     monitor.stage = "whole looks"
-    ready = whole_looks(filled, sweep, relaxed.weights, Effort())
+    ready = whole_looks(filled, sweep, relaxed.weights, Effort(rounds=_rounds(filled)))
     start = relaxed_prices(relaxed.gradient, filled.allowed)
 
     def stop(found: Found) -> bool:
