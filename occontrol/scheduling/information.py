@@ -31,7 +31,7 @@ class Seen:
     ----------
     rows : (N, M, r, n) rows of every decision and sensor, zeros where a sensor has fewer
     output : (p, n) the outputs at the end as functions of the state at the start
-    across : (n, n) from the start to the end
+    across : (n, d) from the start to the end; d = n where nothing of the start is known
     """
 
     rows: np.ndarray
@@ -42,6 +42,10 @@ class Seen:
     def information(self) -> np.ndarray:
         """(N, M, n, n) L"""
         return np.einsum("kjri,kjrm->kjim", self.rows, self.rows, optimize=True)
+
+    def of(self, unknown: np.ndarray) -> Seen:
+        """The same where the start is known but for the states that are `unknown` (n,)."""
+        return Seen(self.rows[..., unknown], self.output[:, unknown], self.across[:, unknown])
 
 
 def seen_from_start(recursion: Recursion, output: np.ndarray) -> Seen:

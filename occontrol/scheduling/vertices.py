@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -24,6 +24,7 @@ STEPS = 100  # of one master
 SHARE = 0.2  # of the gap that the master may leave
 LEAST = 1e-13  # of the cost: what a move must save
 PAIRED = 40  # moves of which two are tried at once
+MANY_MOVES, SPARE = 200_000, 4  # moves that are no longer all ranked, and times those tried that are ranked then
 
 
 @dataclass
@@ -193,7 +194,7 @@ def allowed_shares(shares: np.ndarray) -> np.ndarray:
 
 
 def by_moves(
-    sweep: Objective, feasible_set: BudgetSet, start: np.ndarray, tried: int, monitor: Monitor
+    sweep: Objective, feasible_set: BudgetSet, start: np.ndarray, tried: int, monitor: Monitor, rounds: int = 10**9
 ) -> tuple[np.ndarray, float]:
     """Local search: one reading moves to another instant or sensor, the best first by the gradient, on the true cost.
 
@@ -204,12 +205,15 @@ def by_moves(
     start : (N, M) schedule of the set
     tried : moves that are tried from one schedule
     monitor : Monitor
+    rounds : moves that are made at most
 
-    Returns the schedule (N, M) and its J; no tried move improves it, nor two of the likely ones together.
+    Returns the schedule (N, M) and its J. Unless the rounds end it, no tried move improves it, nor two likely ones.
     """
     v = start.copy()
     J, (_, g) = sweep.cost(v), sweep.cost_and_gradient(v)  # the second may lie below, where a criterion is smoothed
-    while not monitor.stop:
+    for _ in range(rounds):
+        if monitor.stop:
+            break
         singles = [(sweep.cost(w), w) for w in _moves(feasible_set, v, g, tried)]
         best = min(singles, key=lambda each: each[0], default=(np.inf, v))
         if not best[0] < J - LEAST * abs(J):
@@ -250,10 +254,9 @@ def _moves(feasible_set: BudgetSet, v: np.ndarray, g: np.ndarray, tried: int) ->
     # no sensor is entered twice; whether the instant has room is seen below
     room = [(int(k), int(j)) for k, j in np.argwhere((feasible_set.upper > 0.5) & (v < 0.5)) if j != idle]
     moves: list[tuple[float, tuple[int, int] | None, tuple[int, int] | None]] = []
-    for source in used:
-        moves += [(price[to] - price[source], source, to) for to in room]
-        if free[source[1]]:
-            moves.append((-price[source], source, None))
+    for source, to in _promising(price, used, room, tried):
+        moves.append((price[to] - price[source], source, to))
+    moves += [(-price[source], source, None) for source in used if free[source[1]]]
     moves += [(price[to], None, to) for to in room if free[to[1]]]
     moves.sort(key=lambda move: move[0])
     count = 0
@@ -269,3 +272,22 @@ def _moves(feasible_set: BudgetSet, v: np.ndarray, g: np.ndarray, tried: int) ->
         count += 1
         if count >= tried:
             return
+
+
+def _promising(
+    price: np.ndarray, used: list[tuple[int, int]], room: list[tuple[int, int]], tried: int
+) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """Pairs of a reading and a place for it: all where they are few, otherwise the best from each sensor to each.
+
+    The r-th best sum of two sorted lists takes neither member from beyond place r of its list.
+    """
+    if len(used) * len(room) <= MANY_MOVES:
+        yield from product(used, room)
+        return
+    sensors = range(price.shape[1])
+    for a in sensors:
+        out = sorted((place for place in used if place[1] == a), key=lambda place: -price[place])
+        for b in sensors:
+            into = sorted((place for place in room if place[1] == b), key=lambda place: price[place])
+            for i, source in enumerate(out[: SPARE * tried]):
+                yield from ((source, to) for to in into[: SPARE * tried // (i + 1)])

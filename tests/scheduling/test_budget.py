@@ -5,6 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
+from occontrol.core.monitor import Monitor
+from occontrol.scheduling import vertices
 from occontrol.scheduling.budget import BudgetSet
 
 N, M = 4, 3  # instants; sensors, the last is idle
@@ -54,3 +56,32 @@ def test_what_misses_the_budget_is_named():
     assert "sensor 'a' has 0 readings, the budget is 2" in str(mistake)
     (mistake,) = made(1, {"total": 3}).check(w)
     assert "all sensors together have 0 readings, the budget is 3" in str(mistake)
+
+
+class Bowl:
+    """|A v - b|^2, an objective whose best moves the gradient foretells badly."""
+
+    def __init__(self, seed: int, shape: tuple[int, int]):
+        rng = np.random.default_rng(seed)
+        self.shape, self.states = shape, 1
+        self.A, self.b = rng.standard_normal((6, shape[0] * shape[1])), rng.standard_normal(6) * 4
+
+    def cost(self, v):
+        return float(np.sum((self.A @ v.ravel() - self.b) ** 2))
+
+    def cost_and_gradient(self, v):
+        return self.cost(v), (2 * self.A.T @ (self.A @ v.ravel() - self.b)).reshape(self.shape)
+
+
+@pytest.mark.parametrize("budget", [{"total": 9}, {"a": 5, "b": 4}])
+def test_moves_that_are_not_all_ranked_are_the_best_of_all(monkeypatch, budget):
+    upper = np.ones((20, M))
+    upper[:, 2] = 2
+    allowed = BudgetSet(upper, 2, None, ("a", "b", "idle"), budget=budget)
+    for seed in range(4):
+        bowl, start = Bowl(seed, upper.shape), allowed.vertex(np.random.default_rng(seed).standard_normal(upper.shape))
+        found = []
+        for many in (200_000, 0):
+            monkeypatch.setattr(vertices, "MANY_MOVES", many)
+            found.append(vertices.by_moves(bowl, allowed, start, 10, Monitor())[1])
+        assert found[0] == pytest.approx(found[1], rel=1e-12) and found[0] < bowl.cost(start)

@@ -59,6 +59,12 @@ class AthansProblem(BaseProblem):
     prior: bool = True
 
     @property
+    def unknown(self) -> np.ndarray:
+        """(n,) of which states nothing is known before the readings: of all, where the plant does not say of which."""
+        plant = getattr(getattr(self.plant, "linearised", None), "plant", None)
+        return np.ones(self.states, dtype=bool) if plant is None else plant.unknown
+
+    @property
     def measured(self) -> bool:
         """Whether the criterion is another one than the trace."""
         return self.criterion is not None and self.criterion.name != TRACE

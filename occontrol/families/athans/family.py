@@ -20,7 +20,7 @@ from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.periodic.half import PERIODIC
 from occontrol.families.athans.periodic.problem import PeriodicProblem
 from occontrol.families.athans.rate import RATE, RateFamily, schedule_of
-from occontrol.families.athans.readings.half import READINGS
+from occontrol.families.athans.readings.half import READINGS, refuse
 from occontrol.families.athans.targets.half import TARGETS
 from occontrol.families.athans.targets.problem import TargetsProblem
 from occontrol.families.family import Family, Work
@@ -127,7 +127,7 @@ class AthansFamily(RateFamily):
         self, problem: AthansProblem, solution: Solution | None, seed: int
     ) -> tuple[list[Measurement], Trajectory]:
         """A true trajectory of the plant and what the scheduled sensors report of it."""
-        if linearisation_of(problem) is not None:
+        if _nonlinear(problem, "simulate"):
             from occontrol.families.athans.nonlinear.filter import simulate
 
             return simulate(problem, schedule_of(solution), seed)
@@ -140,7 +140,7 @@ class AthansFamily(RateFamily):
 
         Of a nonlinear plant `model` is ekf, iterated or ukf.
         """
-        if linearisation_of(problem) is not None:
+        if _nonlinear(problem, "the filter of a nonlinear plant"):
             from occontrol.families.athans.nonlinear.filter import run_filter
 
             return run_filter(problem, schedule_of(solution), measurements, **_renamed(options))
@@ -150,7 +150,7 @@ class AthansFamily(RateFamily):
         self, problem: AthansProblem, solution: Solution | None = None, method: Method | None = None
     ) -> OnlineLoop:
         """The matched filter for a loop on a target, along the solution's schedule."""
-        if linearisation_of(problem) is not None and solution is not None:
+        if solution is not None and _nonlinear(problem, "the filter of a nonlinear plant"):
             from occontrol.families.athans.nonlinear.online import NonlinearFilter
 
             return NonlinearFilter(problem, schedule_of(solution))
@@ -158,7 +158,7 @@ class AthansFamily(RateFamily):
 
     def filter_loop(self, problem: AthansProblem, solution: Solution, **options: object) -> OnlineLoop:
         """The matched filter of a `solution` of a `problem`, step by step; `options`: model and gate."""
-        if linearisation_of(problem) is not None:
+        if _nonlinear(problem, "the filter of a nonlinear plant"):
             from occontrol.families.athans.nonlinear.online import NonlinearFilter
 
             return NonlinearFilter(problem, schedule_of(solution), **_renamed(options))
@@ -227,6 +227,14 @@ class AthansFamily(RateFamily):
 
         return draw(found)
 
+
+
+def _nonlinear(problem: AthansProblem, what: str) -> bool:
+    """Whether the plant is nonlinear; UsageError where `what` needs the initial covariance that it does not have."""
+    if linearisation_of(problem) is None:
+        return False
+    refuse(problem, what)
+    return True
 
 
 def _renamed(options: PlainMapping) -> PlainDict:

@@ -171,7 +171,7 @@ def build(
     least, most = select if isinstance(select, tuple) else (0, 1 if select is None else select)
     if isinstance(select, tuple) and IDLE not in document.sensors:
         sensors.append(idle_sensor(states))
-    if not has_prior(document.plant.initial):
+    if not has_prior(document.plant.initial, getattr(document.plant, "parameters", None)):
         what, where = "initial.covariance is none: continuous sensing needs a prior", ("plant", "initial", "covariance")
         found.add(where, what, "a large covariance; or sensing: samples, with budget: {..}")
     if plant is None:

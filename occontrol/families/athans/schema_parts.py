@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Annotated, Any, Protocol, TypeGuard
 
 import numpy as np
@@ -82,14 +83,27 @@ def _whole(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and float(value).is_integer()
 
 
-def has_prior(initial: Initial) -> bool:
+class Spread(Protocol):
+    """What a file says of a parameter.
+
+    Attributes
+    ----------
+    sd : its standard deviation, or none
+    """
+
+    @property
+    def sd(self) -> float | str: ...
+
+
+def has_prior(initial: Initial, parameters: Mapping[str, Spread] | None = None) -> bool:
     """Whether a file states an initial covariance, and not `none`.
 
     Parameters
     ----------
     initial : as read
+    parameters : of a plant given by formulas, if it has any
     """
-    return initial.covariance != NONE
+    return initial.covariance != NONE and not any(p.sd == NONE for p in (parameters or {}).values())
 
 
 def initial_covariance(initial: Initial, context: Context) -> np.ndarray | None:

@@ -65,11 +65,14 @@ def experiment_of(problem: ReadingsProblem) -> Experiment:
     problem.require_feasible()
     filled = fill(problem)
     r = filled.recursion
-    seen = seen_from_start(r, filled.units.out_of(terminal_output(problem)[0]))
+    unknown = problem.unknown
+    seen = seen_from_start(r, filled.units.out_of(terminal_output(problem)[0])).of(unknown)
     try:
         kept, inner = reduced(seen, problem.upper)
     except Unseen as unseen:
-        direction = filled.units.inverse.vector(unseen.direction)
+        whole = np.zeros(problem.states)
+        whole[unknown] = unseen.direction
+        direction = filled.units.inverse.vector(whole)
         hint = "hint: a sensor that sees it, another output, or an initial covariance"
         raise InfeasibleError(f"{UNSEEN.format(direction=spelt(direction, state_names(problem)))}\n  {hint}") from None
     note = ""

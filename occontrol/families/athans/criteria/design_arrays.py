@@ -28,20 +28,21 @@ def arrays_of(
     weights : (E, M) of every decision
     gradient : (E, M)
 
-    `information` (N, n, n) is on the state at the start; `covariance` (N, n, n) after a reading is not a number until
-    all states are determined.
+    `information` (N, n, n) is on the state at the start, zeros where that is known; `covariance` (N, n, n) after a
+    reading is not a number until all states are determined.
     """
     r, units = filled.recursion, filled.units.inverse
-    n, K = r.states, len(r.steps)
-    v, F, across = r.on_steps(weights), np.zeros((n, n)), np.eye(n)
-    information, covariance = np.empty((K, n, n)), np.full((K, n, n), np.nan)
+    n, K, unknown = r.states, len(r.steps), problem.unknown
+    v, across = r.on_steps(weights), np.eye(n)[:, unknown]
+    F = np.zeros((across.shape[1], across.shape[1]))
+    information, covariance = np.zeros((K, n, n)), np.full((K, n, n), np.nan)
     for k in range(K):
         across = r.transition[r.predict[k]] @ across
         for j in range(r.sensors):
             a, b = r.offsets[j], r.offsets[j + 1]
             rows = r.rows[r.row_set[k]][a:b] @ across
             F = F + v[k, j] * r.steps[k] * rows.T @ rows
-        information[k] = F
+        information[k][np.ix_(unknown, unknown)] = F
         scale = np.sqrt(np.maximum(np.diagonal(F), 0.0))
         if np.all(scale > 0):
             values, vectors = np.linalg.eigh(F / np.outer(scale, scale))

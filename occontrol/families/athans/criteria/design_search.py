@@ -37,6 +37,7 @@ NEWTON = 400  # shares up to which Newton's method is used
 VAGUE = 1e-6  # of the mean information: the prior of greedy choices, which begin with nothing
 MIXED = 64  # schedules whose mean sees every direction
 MOVED, NOISE, TRIED = 6, 0.3, 400
+FEWER = 40  # moves and rounds for many shares
 MANY = 400  # shares beyond which one start or two must do
 SLOW, EXACT = 8.0, 1e10  # how much longer an inverse takes than a sweep, and the work that `exact` may take
 
@@ -141,7 +142,9 @@ def _stage(
 ) -> RelaxedOutcome:
     """One minimisation from a policy that sees everything."""
     grouping = Grouping(allowed) if isinstance(allowed, BudgetSet) else None
-    if grouping is not None and grouping.number is None:
+    # with corners the quasi-Newton method creeps; mixtures of a few schedules lie on them
+    many = stage.corners and allowed.upper.size > NEWTON
+    if grouping is not None and (grouping.number is None or many):
         return minimise_by_vertices(stage, allowed, at, limits, watch)[0]
     rows = allowed if grouping is None else grouping.set()
     newton = stage.curved and rows.upper.size <= NEWTON
@@ -213,7 +216,8 @@ def _exact(
         if best_cost <= enough or not np.isfinite(cost) or not method.polish or monitor.stop:
             break
         if isinstance(allowed, BudgetSet):
-            v, value = by_moves(lower, allowed, starts[i], TRIED, monitor)
+            some = (TRIED, method.polish) if shares.size <= MANY else (FEWER, min(FEWER, method.polish))
+            v, value = by_moves(lower, allowed, starts[i], some[0], monitor, some[1])
         else:
             done = polish(lower, allowed, starts[i], method.polish, monitor)  # type: ignore[arg-type]
             v, value = done.weights, done.cost

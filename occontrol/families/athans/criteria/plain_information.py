@@ -25,7 +25,8 @@ def plain_information_cost(problem: ReadingsProblem, weights: np.ndarray) -> Pla
     weights : (N, M) of every reading
     """
     times, n = problem.clock.times, problem.states
-    across, rows = np.eye(n), [np.zeros((n, n))]
+    across = np.eye(n)[:, problem.unknown]  # of the start, what is not known
+    rows = [np.zeros((across.shape[1], across.shape[1]))]
     gaps = Gaps(problem)
     if not problem.discrete:
         across = gaps.transition(0) @ across

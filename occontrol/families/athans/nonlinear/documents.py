@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, WithJsonSchema
 
@@ -23,7 +23,9 @@ class Parameter(Strict):
     """A state that does not move."""
 
     mean: float = Field(description="mean: what it is thought to be")
-    sd: float = Field(description="sd: its standard deviation, 0 where it is known")
+    sd: float | Literal["none"] = Field(
+        description="sd: its standard deviation, 0 where it is known, none where nothing is known beforehand"
+    )
 
 
 class FormulaPlantEntry(Strict):

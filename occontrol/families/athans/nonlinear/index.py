@@ -41,6 +41,11 @@ class Nonlinearity:
     readings: float
     predictions: float
 
+    @classmethod
+    def without_prior(cls) -> Nonlinearity:
+        """Nothing says how far from the path the state may be."""
+        return cls(np.nan, np.nan)
+
     @property
     def worst(self) -> float:
         """The larger of the two."""
@@ -53,6 +58,8 @@ class Nonlinearity:
     @property
     def text(self) -> str:
         """In words."""
+        if np.isnan(self.readings):
+            return "not known without a prior"
         return f"readings {self.readings:.3g}, predictions {self.predictions:.3g}"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from occontrol.core.errors import Mistake
 from occontrol.core.solution import Solution
 from occontrol.families.athans.base import AthansProblem
-from occontrol.families.athans.nonlinear.index import in_turn, index_of, nonlinearity
+from occontrol.families.athans.nonlinear.index import Nonlinearity, in_turn, index_of, nonlinearity
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.result import AthansResult
 
@@ -32,15 +32,19 @@ def labelled(problem: AthansProblem, solution: Solution) -> Solution:
     origin = linearisation_of(problem)
     if origin is None or not isinstance(solution.numbers, AthansResult):
         return solution
-    index = index_of(cast(AthansProblem, solution.problem or problem), solution)
+    if problem.prior:
+        index = index_of(cast(AthansProblem, solution.problem or problem), solution)
+    else:
+        index = Nonlinearity.without_prior()
     message = " ".join(part for part in (solution.message, OF_LINEARISED) if part)
     warnings = list(solution.numbers.warnings)
-    if not index.worst <= DOUBTFUL:
+    if problem.prior and not index.worst <= DOUBTFUL:
         remark = f"the plan leaves the range of its linearisation (nonlinearity: {index.text}; above 1 is doubtful)"
         warnings.append(f"{remark}: a filter along it may diverge; {CURE}")
         message += f" {remark[0].upper()}{remark[1:]}: a filter along it may diverge. Hint: {CURE}."
+    values = index.as_dict() if problem.prior else None
     numbers = dataclasses.replace(
-        solution.numbers, certificate_of="linearised", nonlinearity=index.as_dict(), warnings=warnings
+        solution.numbers, certificate_of="linearised", nonlinearity=values, warnings=warnings
     )
     arrays = dict(solution.arrays)
     if "times" in arrays:  # (K, n), what the plan was linearised along
@@ -68,7 +72,7 @@ def describe_linearised(problem: AthansProblem) -> list[tuple[str, str]]:
         chosen = "stated" if origin.integrator.substeps is not None else "chosen by accuracy"
         change = f"doubling them changes path and maps by {nominal.change:.2g} of themselves"
         lines.append(("nominal path", f"{path}, {nominal.substeps} substeps of a span, {chosen}; {change}"))
-    index = nonlinearity(problem, in_turn(problem))
+    index = nonlinearity(problem, in_turn(problem)) if problem.prior else Nonlinearity.without_prior()
     lines.append(("nonlinearity", f"with every sensor in turn: {index.text}; above 1 the linearisation is doubtful"))
     lines.append(("certificate", "of the problem linearised along the nominal path"))
     return lines
@@ -84,7 +88,9 @@ def summarise_linearised(solution: Solution) -> list[tuple[str, str]]:
     numbers = solution.numbers
     if not isinstance(numbers, AthansResult) or numbers.certificate_of != "linearised":
         return []
-    index = numbers.nonlinearity or {}
+    index = numbers.nonlinearity
+    if index is None:
+        return [("certificate of", "the problem linearised along its nominal path")]
     doubt = "" if max(index.values(), default=0.0) <= DOUBTFUL else "   above 1: the plan may mislead a filter"
     values = ", ".join(f"{name} {value:.3g}" for name, value in index.items())
     return [("certificate of", "the problem linearised along its nominal path"), ("nonlinearity", f"{values}{doubt}")]
@@ -97,7 +103,7 @@ def doubts(problem: AthansProblem) -> list[Mistake]:
     ----------
     problem : of any kind
     """
-    if linearisation_of(problem) is None:
+    if linearisation_of(problem) is None or not problem.prior:
         return []
     index = nonlinearity(problem, in_turn(problem))
     if index.worst <= DOUBTFUL:

@@ -23,6 +23,7 @@ from occontrol.core.state_labels import default_names, wrong_name
 from occontrol.numerics.flow import Flow
 
 Rows = Sequence[Sequence[float | str]]
+UNKNOWN = "none"  # of a standard deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,8 @@ class FormulaPlant(Compiled):
     f : m formulas dx/dt, in state units per time, or
     next : m formulas of the state one step later, in state units
     states : names of the m states; x1, x2, .. if left out
-    parameters : {name: {mean, sd}}, states that do not move
+    parameters : {name: {mean, sd}}, states that do not move; sd "none" where nothing is known of them, and all
+        else is then known exactly at the start
     nominal : (n, 1) column of numbers or formulas of t, or a table: the path to linearise along, parameters included;
         the path from the initial mean if left out
     units : of states and parameters, n labels, or none
@@ -52,7 +54,7 @@ class FormulaPlant(Compiled):
     f: Sequence[float | str] | None = None
     next: Sequence[float | str] | None = None
     states: Sequence[str] | None = None
-    parameters: Mapping[str, Mapping[str, float]] | None = None
+    parameters: Mapping[str, Mapping[str, float | str]] | None = None
     nominal: OptionalSignalField = unless_given(None)
     units: Sequence[str] = ()
 
@@ -92,6 +94,10 @@ class FormulaPlant(Compiled):
             found.add(("mean",), f"mean has {len(mean)} entries, {hint}", "one entry per state")
         elif not np.all(np.isfinite(mean)):
             found.add(("mean",), "mean is not finite")
+        if np.any(self.unknown) and np.any(self.whole_covariance):
+            one = self.names[int(np.argmax(self.unknown))]
+            what = f"nothing is known of '{one}', and something uncertain is known of the rest"
+            found.add(("parameters", one, "sd"), what, "sd: 0 and a covariance of zeros, or sd: none, or a large sd")
         if self.nominal is not None:
             with found.under("nominal"):
                 set_(self, "nominal", as_signal(self.nominal, self.variable))
@@ -131,8 +137,16 @@ class FormulaPlant(Compiled):
         n, m = len(self.names), len(self.mean)
         S = np.zeros((n, n))
         S[:m, :m] = (self.covariance + self.covariance.T) / 2
-        S[range(m, n), range(m, n)] = [float(p["sd"]) ** 2 for p in (self.parameters or {}).values()]
+        known = [0.0 if p["sd"] == UNKNOWN else float(p["sd"]) for p in (self.parameters or {}).values()]
+        S[range(m, n), range(m, n)] = np.square(known)
         return S
+
+    @property
+    def unknown(self) -> np.ndarray:
+        """(n,) whether nothing is known of a state beforehand."""
+        return np.append(
+            np.zeros(len(self.mean), dtype=bool), [p["sd"] == UNKNOWN for p in (self.parameters or {}).values()]
+        ).astype(bool)
 
     def function(self, name: str, entries: Sequence[float | str], shape: tuple[int, int]) -> CasadiFunction:
         """(x, t) -> formulas as a matrix of CasADi, filled row by row.
@@ -181,7 +195,7 @@ class FormulaPlant(Compiled):
         return self._function_right
 
 
-def wrong_names(states: Sequence[str], parameters: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
+def wrong_names(states: Sequence[str], parameters: Mapping[str, Mapping[str, float | str]]) -> list[Mistake]:
     """What is wrong with the names of states and parameters, and with the numbers of parameters.
 
     Parameters
@@ -196,6 +210,8 @@ def wrong_names(states: Sequence[str], parameters: Mapping[str, Mapping[str, flo
     for name, stated in parameters.items():
         for key in ("mean", "sd"):
             value = stated.get(key) if isinstance(stated, Mapping) else None
+            if key == "sd" and value == UNKNOWN:
+                continue
             good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
             if not good or (key == "sd" and float(value or 0.0) < 0):
                 hint = f"{name}: {{mean: 0.5, sd: 0.1}}; sd: 0 where it is known"

@@ -168,7 +168,7 @@ def _plant(entry: FormulaPlantEntry, clock: str, context: Context) -> FormulaPla
     noise = context.rows(entry.noise, "plant", "noise", variables=known)
     if entry.initial.covariance == "none":
         what = "covariance is none, and a nonlinear plant is linearised from what is known at the start"
-        found.add(("plant", "initial", "covariance"), what, "a wide prior, such as parameters with a large sd")
+        found.add(("plant", "initial", "covariance"), what, "parameters: {p: {mean: .., sd: none}}, or a wide prior")
         return None
     covariance = context.constant(entry.initial.covariance, "plant", "initial", "covariance")
     mean = entry.initial.mean

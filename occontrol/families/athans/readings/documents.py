@@ -28,6 +28,7 @@ class SamplesHorizon(DatedHorizon):
     end: float = Field(description="end: a time")
     sample_times: list[float] | None = None
     samples: Whole | None = None
+    first: float | None = Field(None, description="first: time of the first of `samples`; the start if left out")
     predict_at: float | None = None
 
 

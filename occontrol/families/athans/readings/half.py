@@ -22,17 +22,18 @@ if TYPE_CHECKING:
     from occontrol.core.solution import Solution
     from occontrol.core.target import TargetPlan
     from occontrol.core.trajectory import Trajectory
+    from occontrol.families.athans.base import AthansProblem
     from occontrol.families.athans.filter.online import MatchedFilter
     from occontrol.families.athans.tradeoff import Front
     from occontrol.files.page import Group
 
 
-def refuse(problem: ReadingsProblem, what: str) -> None:
+def refuse(problem: AthansProblem, what: str) -> None:
     """UsageError for what needs an initial covariance.
 
     Parameters
     ----------
-    problem : of readings
+    problem : of the family
     what : the name of that
     """
     if not problem.prior:

@@ -93,7 +93,7 @@ def build(document: StepsDocument | SamplesDocument, context: Context) -> Readin
         rules=constraints(document.constraints, document.sensors),
         minimise=objective.minimise,
         criterion=choice_of(objective.criterion),
-        prior=has_prior(document.plant.initial),
+        prior=has_prior(document.plant.initial, getattr(document.plant, "parameters", None)),
         calendar=context.calendar,
     )
     found.raise_if_any()
@@ -158,7 +158,11 @@ def _sample_times(horizon: SamplesHorizon, context: Context) -> SampleTimes | No
             what = f"the horizon ends at {horizon.end:g}, which is not after its start {horizon.start:g}"
             context.found.add(("horizon", "end"), what, "end must lie after start")
             return None
-        times = evenly(horizon.start, horizon.end, count)
+        first = horizon.start if horizon.first is None else horizon.first
+        times = evenly(first, first + horizon.end - horizon.start, count)
+    elif horizon.first is not None:
+        context.found.add(("horizon", "first"), "first belongs to samples", "leave it out beside sample_times", True)
+        return None
     return context.attempt(SampleTimes, "horizon", times=times, start=horizon.start, end=horizon.end)
 
 
@@ -263,7 +267,7 @@ def document(problem: ReadingsProblem) -> PlainDict:
         "minimise": None if problem.minimise == "cost" else problem.minimise,
         "criterion": None if problem.criterion is None else problem.criterion.document(),
     }
-    if not problem.prior:
+    if not problem.prior and linearised is None:
         system["initial"] = {"mean": plant.mean.tolist(), "covariance": NONE}
     result = {
         "family": "athans",
