@@ -18,6 +18,7 @@ from occontrol.files.figures import style
 from occontrol.files.figures.panels import curves_panel, legend
 
 USED = 1e-6
+SHARED = 1e-2  # a share of the best shares that sets the threshold
 FEW = 60  # readings that are marked one by one
 
 
@@ -66,8 +67,12 @@ def _draw_sensitivity(axes: Axes, problem: ReadingsProblem, solution: Solution, 
         used = arrays["weights"][:, j] > USED
         size = 40 * np.clip(arrays["weights"][used, j], 0.1, 1.0) if np.sum(used) <= FEW else 6.0
         axes.scatter(times[used], saved[used], s=size, color=colours[j], zorder=3, clip_on=False)
+        if shared and names[j] in (problem.budget or {}):  # its own number of readings has its own threshold
+            part = arrays["relaxed_weights"][:, j] > SHARED
+            if np.any(part):
+                axes.axhline(np.min(saved[part]), color=colours[j], linestyle="--", linewidth=1)
     check = solution.numbers.extra.get("equivalence") or {}
-    if "used_save_at_least" in check:
+    if "used_save_at_least" in check and "total" in (problem.budget or {}):
         axes.axhline(check["used_save_at_least"], color=style.GREY, linestyle="--", linewidth=1)
     axes.set_title(
         "sensitivity: what a reading saves at the best shares (dots: chosen)"
