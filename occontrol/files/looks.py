@@ -66,6 +66,8 @@ def read_looks(
             raise FileAccessError(f"there is no file {path}")
         what = f"the file name ends in '{path.suffix}'"
         raise ProblemError(Mistake((), what, "schedules end in .csv or .json", place=str(path)))
+    if getattr(problem, "infinite", False):  # one cycle, of any length
+        return problem.one_cycle(looks_of(records, problem.long))  # type: ignore[attr-defined]
     return looks_of(records, problem)
 
 

@@ -1,7 +1,7 @@
 """Off-line schedules with a certificate: the family of Athans (1971), for continuous sensing, for readings, for ever.
 
-Four kinds of problems, one family: each call goes to the part that a problem belongs to: continuous sensing, readings,
-many targets, or no end.
+Five kinds of problems, one family: each call goes to the part that a problem belongs to: continuous sensing, readings,
+many targets, no end, or many targets without an end.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from occontrol.core.method import Method
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Tradeoff
 from occontrol.families.athans.base import AthansProblem
+from occontrol.families.athans.endless.half import ENDLESS_TARGETS
+from occontrol.families.athans.endless.problem import EndlessTargetsProblem
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.periodic.half import PERIODIC
 from occontrol.families.athans.periodic.problem import PeriodicProblem
@@ -47,13 +49,15 @@ class AthansFamily(RateFamily):
 
     def _half(self, problem: AthansProblem) -> Family:
         if problem.of_targets:
-            return TARGETS
+            return ENDLESS_TARGETS if problem.infinite else TARGETS
         if problem.infinite:
             return PERIODIC
         return READINGS if problem.takes_readings else RATE
 
     def choose(self, problem: AthansProblem, method: Method | str | None = None) -> Method:
         """The method object to run; many targets and no end have their own. Raises UsageError for others."""
+        if isinstance(problem, EndlessTargetsProblem):
+            return ENDLESS_TARGETS.choose(problem, method)
         if isinstance(problem, TargetsProblem):
             return TARGETS.choose(problem, method)
         if isinstance(problem, PeriodicProblem):
@@ -74,7 +78,7 @@ class AthansFamily(RateFamily):
     def compare_names(self, problem: AthansProblem) -> list[str]:
         """The method names that `compare` runs on `problem` when none are given."""
         if problem.infinite:
-            return list(PERIODIC.compared)
+            return list((ENDLESS_TARGETS if problem.of_targets else PERIODIC).compared)
         return list(TARGETS.compared if problem.of_targets else self.compared)
 
     def claims_of(self, problem: AthansProblem, solution: Solution) -> Claims:

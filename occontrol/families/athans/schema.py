@@ -13,6 +13,9 @@ from occontrol.core.kinds import PlainDict, PlainMapping
 from occontrol.core.sensor import IDLE, Sensor, idle_sensor
 from occontrol.core.signal import ConstantSignal
 from occontrol.families.athans.criteria.schema import CriterionKeys, choice_of
+from occontrol.families.athans.endless import schema as endless
+from occontrol.families.athans.endless.problem import EndlessTargetsProblem
+from occontrol.families.athans.endless.schema import EndlessTargetsDocument, is_endless
 from occontrol.families.athans.growth import beyond_numbers
 from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.methods import ALL_METHODS
@@ -124,7 +127,8 @@ class FormulaDocument(Document):
     replan: forms.Replan | None = None
 
 
-DOCUMENTS = (Document, *READINGS, FormulaDocument, *forms.OF_READINGS.values(), TargetsDocument, *ENDLESS)
+OF_TARGETS = (TargetsDocument, EndlessTargetsDocument)
+DOCUMENTS = (Document, *READINGS, FormulaDocument, *forms.OF_READINGS.values(), *OF_TARGETS, *ENDLESS)
 
 
 def model_for(data: PlainMapping) -> type[Strict]:
@@ -135,7 +139,7 @@ def model_for(data: PlainMapping) -> type[Strict]:
     data : the plain content of the file
     """
     if is_targets(data):
-        return TargetsDocument
+        return EndlessTargetsDocument if is_endless(data) else TargetsDocument
     if (endless := endless_for(data)) is not None:
         return endless
     found = document_for(data) or Document
@@ -146,6 +150,8 @@ def build(
     document: Document | StepsDocument | SamplesDocument | TargetsDocument | EndlessDocument, context: Context
 ) -> SchedulingProblem | ReadingsProblem | TargetsProblem | PeriodicProblem:
     """The problem that the document describes; ProblemError with every mistake."""
+    if isinstance(document, EndlessTargetsDocument):
+        return endless.build(document, context)
     if isinstance(document, TargetsDocument):
         return targets.build(document, context)
     if isinstance(document, EndlessDocument):
@@ -224,6 +230,8 @@ def _sensor(entry: SensorEntry | str, j: int, states: int, context: Context) -> 
 
 def document(problem: SchedulingProblem | ReadingsProblem | TargetsProblem | PeriodicProblem) -> PlainDict:
     """The problem as a JSON-able document with everything in it; `build` of it gives the identical problem."""
+    if isinstance(problem, EndlessTargetsProblem):
+        return endless.document(problem)
     if isinstance(problem, TargetsProblem):
         return targets.document(problem)
     if isinstance(problem, PeriodicProblem):

@@ -40,14 +40,14 @@ def draw(problem: TargetsProblem, solution: Solution) -> dict[str, Figure]:
         text = f"cost {solution.cost:.6g}, no schedule below {bound}, {apart}" if top is not None else ""
         overview = style.new_figure((13.33, 10.0), problem.name, f"{_sizes(problem)}: {text}")
         grid = overview.add_gridspec(3, 2, height_ratios=[1.7, 1, 1])
-        _timeline(overview.add_subplot(grid[0, :]), problem, schedule)
+        timeline(overview.add_subplot(grid[0, :]), problem, schedule)
         _shares(overview.add_subplot(grid[1, 0]), problem, ages(problem, schedule), "time since the last look")
         deviation = np.sqrt(np.maximum(charged(problem, schedule), 0.0))
         _shares(overview.add_subplot(grid[1, 1]), problem, deviation, "weighted deviation, sqrt(w tr(R Σ))")
         _worst(overview.add_subplot(grid[2, 0]), problem, solution)
         _prices(overview.add_subplot(grid[2, 1]), problem, solution)
         looks = style.new_figure((13.33, 7.5), problem.name, _sizes(problem))
-        _timeline(looks.subplots(), problem, schedule)
+        timeline(looks.subplots(), problem, schedule)
     return {"overview": overview, "looks": looks}
 
 
@@ -86,15 +86,22 @@ def _sizes(problem: TargetsProblem) -> str:
     return " · ".join((count(problem.targets, "target"), resources, count(problem.intervals, "interval")))
 
 
-def _timeline(axes: Axes, problem: TargetsProblem, schedule: LookSchedule) -> None:
-    """One row a target; a mark in the colour of the resource that looks at it."""
-    T, edges, names = problem.targets, problem.edges, schedule.resources
+def timeline(axes: Axes, problem: TargetsProblem, schedule: LookSchedule) -> None:
+    """One row a target; a mark in the colour of the resource that looks at it.
+
+    Parameters
+    ----------
+    axes : to draw on
+    problem : TargetsProblem
+    schedule : its looks
+    """
+    T, edges, names = problem.targets, schedule.edges, schedule.resources
     if len(names) <= len(style.PALETTE):
         colours = list(style.sensor_colours(names))
     else:
         ramp = style.colour_map()
         colours = [ramp(j / max(1, len(names) - 1)) for j in range(len(names))]
-    full = np.zeros((T, problem.intervals))
+    full = np.zeros((T, len(edges) - 1))
     order = np.argsort(schedule.share, kind="stable")
     full[schedule.target[order], schedule.interval[order]] = schedule.resource[order] + 1
     shown = np.ma.masked_equal(full, 0)

@@ -13,14 +13,20 @@ from occontrol.families.athans.targets.formulas import evaluate, in_time, uses
 from occontrol.families.athans.targets.tables import Columns
 from occontrol.files.schema.common import Context
 
+FIXED = "for ever there is one plant: numbers and columns, not formulas of t"
+
 
 @dataclass(frozen=True, eq=False)
 class Times:
-    """The grid that everything is evaluated on: `edges` (N+1,), `middle` (N,) and `steps` (N,) of the intervals."""
+    """The grid that everything is evaluated on: `edges` (N+1,), `middle` (N,) and `steps` (N,) of the intervals.
+
+    With `fixed` nothing may change with time.
+    """
 
     edges: np.ndarray
     middle: np.ndarray
     steps: np.ndarray
+    fixed: bool = False
 
 
 class MatrixColumns:
@@ -43,11 +49,13 @@ class MatrixColumns:
     def shared(self, value: object, path: Path, numbers: Columns, G: int) -> np.ndarray | Signal | None:
         """(G, n, n), or a Signal that all targets share where it depends on time."""
         if is_table(value):
-            return self.context.signal(value, *path)
+            return None if self._moves(path) else self.context.signal(value, *path)
         rows = self._rows(value, path, numbers, True)
         if rows is None:
             return None
         used = uses(rows, ("t", *numbers))
+        if "t" in used and self._moves(path):
+            return None
         if "t" not in used:
             return self._finite(alike(evaluate(rows, numbers)[:, 0], G), path)
         if used != {"t"}:
@@ -59,7 +67,7 @@ class MatrixColumns:
     def varying(self, value: object, path: Path, columns: Columns, S: int) -> np.ndarray | None:
         """(S, 1 or N, rows, columns) of something that may change from interval to interval."""
         if is_table(value):
-            signal = self.context.signal(value, *path)
+            signal = None if self._moves(path) else self.context.signal(value, *path)
             if signal is None:
                 return None
             return np.broadcast_to(signal.sample(self.times.middle), (S, len(self.times.middle), *signal.shape))
@@ -67,6 +75,8 @@ class MatrixColumns:
         if rows is None:
             return None
         moving = "t" in uses(rows, ("t", *columns))
+        if moving and self._moves(path):
+            return None
         values = evaluate(rows, columns, self.times.middle if moving else None)
         return self._finite(np.broadcast_to(values, (S, *values.shape[1:])), path)
 
@@ -94,6 +104,12 @@ class MatrixColumns:
 
     def _rows(self, value: object, path: Path, numbers: Columns, time: bool) -> list[list[float | str]] | None:
         return self.context.rows(value, *path, variables=("t", *numbers) if time else tuple(numbers))
+
+    def _moves(self, path: Path) -> bool:
+        """Note that something changes with time where nothing may; whether that is so."""
+        if self.times.fixed:
+            self.found.add(path, f"{self.context.name(path)} changes with t", FIXED)
+        return self.times.fixed
 
     def _finite(self, values: np.ndarray, path: Path) -> np.ndarray | None:
         if np.all(np.isfinite(values)):

@@ -15,7 +15,7 @@ from occontrol.families.athans.targets.compile import GroupBuilder
 from occontrol.families.athans.targets.compile_looks import LookBuilder, open_between
 from occontrol.families.athans.targets.documents import ResourceEntry, TargetsDocument
 from occontrol.families.athans.targets.groups import TargetGroup
-from occontrol.families.athans.targets.matrix_columns import MatrixColumns, Times
+from occontrol.families.athans.targets.matrix_columns import FIXED, MatrixColumns, Times
 from occontrol.families.athans.targets.methods import METHODS
 from occontrol.families.athans.targets.problem import Resource, TargetsProblem
 from occontrol.families.athans.targets.ruled import LookRules, as_one_plant
@@ -25,9 +25,9 @@ from occontrol.files.schema.common import Context, options_document, plain, prun
 MOST_WEIGHTS = 200_000_000
 
 
-def build(document: TargetsDocument, context: Context) -> TargetsProblem | SchedulingProblem:
+def build(document: TargetsDocument, context: Context, fixed: bool = False) -> TargetsProblem | SchedulingProblem:
     """The problem that the document describes, as one plant where there are rules on looks; ProblemError with every
-    mistake."""
+    mistake. With `fixed` nothing may change with time."""
     found = context.found
     edges = edges_of(document.horizon, context)
     ruled = any(look.dwell > 1 for look in document.looks) or any(r.slew for r in document.resources)
@@ -37,7 +37,7 @@ def build(document: TargetsDocument, context: Context) -> TargetsProblem | Sched
     if edges is None:
         raise ProblemError(found.mistakes)
     edges = np.asarray(edges, dtype=float)
-    times = Times(edges, (edges[1:] + edges[:-1]) / 2, lengths(edges))
+    times = Times(edges, (edges[1:] + edges[:-1]) / 2, lengths(edges), fixed)
     resources = [_resource(entry, i, times, context) for i, entry in enumerate(document.resources)]
     for j, look in enumerate(document.looks):
         if look.model is not None and look.model not in document.target_models:
@@ -110,7 +110,9 @@ def _resource(entry: ResourceEntry, i: int, times: Times, context: Context) -> R
     path = ("resources", i, "capacity")
     signal = context.signal(entry.capacity, *path)
     capacity = np.ones(len(times.steps), dtype=np.int64)
-    if signal is not None:
+    if signal is not None and times.fixed and not signal.constant:
+        context.found.add(path, f"the capacity of resource '{entry.name}' changes with t", FIXED)
+    elif signal is not None:
         values = signal.sample(times.middle)
         whole = values.shape[1:] == (1, 1) and np.all(np.isfinite(values)) and np.all(values >= 0)
         whole = whole and np.all(np.abs(values - np.round(values)) < 1e-9)
