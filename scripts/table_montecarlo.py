@@ -33,7 +33,7 @@ plant:
 sensors:
 SENSORS
 objective: {output: [[0, 0, 0, 0]], running: {diag: [1, 1, 0, 0]}, running_at: posterior}
-replan: {every: 5}
+replan: {every: 10}
 """
 STATIONS = {"west": (0, 0), "east": (100, 0), "north": (50, 90)}
 MU, RADIUS, TURN = 398600.4418, 6378.137, 7.2921159e-5  # km^3/s^2, km, rad/s
@@ -89,7 +89,7 @@ sensors:
   - idle
 objective: {{output: [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0]]}}
 integrator: {{substeps: 4}}
-replan: {{every: 10}}
+replan: {{every: 15}}
 """
 
 

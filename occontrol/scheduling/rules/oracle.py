@@ -5,6 +5,7 @@ min over w of  sum_k g_k.w_k + switching(w) + sum of prices on use, starts and s
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -73,6 +74,19 @@ class Oracle:
         self._label = {chosen.tobytes(): g for g, chosen in enumerate(self.sets)}
         states = np.arange(a.states + 1)
         self._begin = np.array([f + np.searchsorted(a.tail[f:to], states) for f, to in pairwise(a.first.tolist())])
+
+    def after(self, done: np.ndarray, upper: np.ndarray) -> Oracle:
+        """The same rules where the first K intervals are over: cheapest among schedules that begin with what was done.
+
+        Parameters
+        ----------
+        done : (K, M) whether a sensor was in use; 'idle' counts where select is 1
+        upper : (N, M) positive where a sensor may be used from K on
+        """
+        other, past = copy(self), len(done)
+        other.open = (np.asarray(upper) <= 0.0).astype(float) @ self.automaton.on.T.astype(float) == 0.0
+        other.open[:past] = np.all(np.asarray(done)[:, None, :] == self.automaton.on[None], axis=2)
+        return other
 
     @property
     def shape(self) -> tuple[int, int]:

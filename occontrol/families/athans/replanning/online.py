@@ -14,13 +14,13 @@ from functools import cache
 
 import numpy as np
 
-from occontrol.core.errors import ProblemError
+from occontrol.core.errors import InfeasibleError, ProblemError
 from occontrol.core.measurement import Step
 from occontrol.core.schedule import Schedule
 from occontrol.families.athans.nonlinear.linearise import Replanning
 from occontrol.families.athans.readings.filter import weights_on
 from occontrol.families.athans.readings.problem import ReadingsProblem
-from occontrol.families.athans.replanning.chain import chain_of, product
+from occontrol.families.athans.replanning.chain import LinearChain, NonlinearChain, chain_of, product
 from occontrol.families.athans.replanning.filter import predicted, updated
 from occontrol.families.athans.replanning.planner import Planner, Replan, usable
 
@@ -80,13 +80,13 @@ class ReplanningLoop:
     schedule : the plan to begin with
     options : Replanning; those of the problem, or the defaults, if left out
 
-    Raises UsageError for continuous sensing and for rules on whole schedules.
+    Raises UsageError for continuous sensing, and for a cap on the error.
     """
 
     def __init__(self, problem: ReadingsProblem, schedule: Schedule, options: Replanning | None = None):
         self.problem, self.chain = problem, chain_of(problem)
         self.options = options or getattr(getattr(problem.plant, "linearised", None), "replan", None) or Replanning()
-        self.planner = Planner(self.chain, self.options.gap, self.options.horizon, self.options.deadline)
+        self.planner = self._planner(self.chain)
         self.names = tuple(problem.sensors.names)
         self._planned = weights_on(problem, schedule)
         self.restart()
@@ -94,7 +94,8 @@ class ReplanningLoop:
     def restart(self) -> None:
         """Back to the start of the horizon and the first plan."""
         plant = self.problem.plant
-        self.k, self.weights = 0, self._planned.copy()
+        self.k, self.weights, self.due = 0, self._planned.copy(), False
+        self.measuring = self.planner.measuring(self.weights)
         self.mean = np.asarray(plant.mean, dtype=float)[None]
         self.covariance = ((plant.covariance + plant.covariance.T) / 2)[None]
         self.watch, self.shares = Watch(), None
@@ -110,7 +111,7 @@ class ReplanningLoop:
         """Names of the sensors to read next."""
         if self.finished:
             return ()
-        return tuple(n for j, n in enumerate(self.names) if self.chain.rows[j] and self.weights[self.k, j] > USED)
+        return tuple(n for j, n in enumerate(self.names) if self.chain.rows[j] and self.measuring[self.k, j] > USED)
 
     def step(self, measurements: Mapping[str, np.ndarray] | None = None) -> ReplannedStep:
         """Take the readings of this time, go on to the next one, and plan anew where it is due.
@@ -149,24 +150,57 @@ class ReplanningLoop:
             diverging=self.watch.diverging,
         )  # fmt: skip
 
+    def change(self, problem: ReadingsProblem) -> Replan | None:
+        """Go on with the problem as it is from now on: other windows, prices, weights, noises, rules or budgets.
+
+        What was read stays read, and of a new budget what was spent of it is spent. A plan is made at once, and
+        returned, or where the next decision begins.
+
+        Parameters
+        ----------
+        problem : with the same states, sensors and readings
+
+        Raises ProblemError where these differ, InfeasibleError where no schedule goes on from what was done.
+        """
+        same = (tuple(problem.sensors.names) == self.names, problem.states == self.problem.states)
+        if not all(same) or not np.array_equal(problem.clock.times, self.problem.clock.times):
+            raise ProblemError("the changed problem has other sensors, states or readings", "begin a new loop for it")
+        chain = chain_of(problem)
+        planner = self._planner(chain)
+        if planner.rules is not None and self.planner.rules is not None:
+            planner.rules.spent(self.planner.rules, self.planner.owner, self.k)
+        if isinstance(chain, LinearChain):  # what has closed is not read, even where the next plan has to wait
+            closed = problem.upper[planner.owner] <= 0
+            closed[: self.k] = False
+            self.weights = np.where(closed, 0.0, self.weights)
+        self.problem, self.chain, self.planner, self.due = problem, chain, planner, True
+        self.measuring = np.where(self.weights > 0, self.measuring, 0.0)
+        return self._plan(strict=True)
+
+    def _planner(self, chain: LinearChain | NonlinearChain) -> Planner:
+        return Planner(chain, self.options.gap, self.options.horizon, self.options.deadline)
+
     def _advance(self) -> None:
         """Over the span to the next reading, or to the end."""
         mean, F, Q = self.chain.span(self.k, self.mean)
         self.mean, self.covariance = mean, predicted(self.covariance, F, Q)
 
-    def _plan(self) -> Replan | None:
+    def _plan(self, strict: bool = False) -> Replan | None:
+        """A new plan where it is due; `strict` lets through why there is none."""
         k = self.k
-        if self.finished or k % self.options.every or not self.planner.begins(k) or self.watch.diverging:
+        if self.finished or not self.planner.begins(k) or not (self.due or k % self.options.every == 0):
             return None
-        if not usable(self.mean, self.covariance):
+        if (self.watch.diverging and not self.due) or not usable(self.mean, self.covariance):
             return None
         try:
             made = self.planner.plan(k, self.mean[0], self.covariance[0], self.weights, self.shares)
-        except ProblemError:  # the path from a wrong estimate may leave the numbers: the old plan goes on
+        except (ProblemError, InfeasibleError):  # from a wrong estimate: the old plan goes on
+            if strict:
+                raise
             return None
         self.shares = made.relaxed
         if not made.late:
-            self.weights[k:] = made.weights
+            self.weights[k:], self.measuring[k:], self.due = made.weights, made.measuring, False
         return made
 
     def _prediction(self) -> tuple[np.ndarray, np.ndarray]:

@@ -7,13 +7,15 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from occontrol.core.errors import ProblemError
+from occontrol.core.errors import InfeasibleError, ProblemError
 from occontrol.families.athans.nonlinear.linearise import Replanning
 from occontrol.families.athans.replanning.chain import LinearChain, NonlinearChain
 from occontrol.families.athans.replanning.online import Watch
 from occontrol.families.athans.replanning.planner import Planner, usable
 
 Chain = LinearChain | NonlinearChain
+SAME = 1e-9  # relative: eigenvalues that count as one
+TIED = 1e-10  # relative: what sensors bring that counts as the same
 
 
 class Policy(Protocol):
@@ -38,6 +40,10 @@ class Policy(Protocol):
         """
         ...
 
+    def paid(self, i: int) -> np.ndarray:
+        """(B, M) which sensors are paid for at reading i: more than are read where some warm up."""
+        ...
+
 
 class Scheduled:
     """The same schedule for all runs.
@@ -45,11 +51,13 @@ class Scheduled:
     Parameters
     ----------
     name : of the policy
-    weights : (N, M) whole numbers
+    weights : (N, M) whole numbers, what is on
+    measuring : (N, M) what is read; None: all that is on
     """
 
-    def __init__(self, name: str, weights: np.ndarray):
-        self.name, self.weights, self.milliseconds = name, weights > 0.5, []
+    def __init__(self, name: str, weights: np.ndarray, measuring: np.ndarray | None = None):
+        self.name, self.on, self.milliseconds = name, weights > 0.5, []
+        self.read = self.on if measuring is None else measuring > 0.5
 
     def begin(self, runs: int, luck: np.ndarray) -> None:
         """A batch begins; chance, `luck` (B, N, M), has no part in it."""
@@ -58,7 +66,11 @@ class Scheduled:
 
     def choose(self, i: int, mean: np.ndarray, covariance: np.ndarray, lost: np.ndarray) -> np.ndarray:
         """(B, M) what the schedule says; `mean` (B, n), `covariance` (B, n, n), `lost` (B,) do not matter."""
-        return np.broadcast_to(self.weights[i], (self.runs, self.weights.shape[1]))
+        return np.broadcast_to(self.read[i], (self.runs, self.read.shape[1]))
+
+    def paid(self, i: int) -> np.ndarray:
+        """(B, M) what is on at reading i."""
+        return np.broadcast_to(self.on[i], (self.runs, self.on.shape[1]))
 
 
 class Choosing:
@@ -98,6 +110,10 @@ class Choosing:
             there = np.isfinite(worth[np.arange(B), best])
             self.kept[np.flatnonzero(there), best[there]] = True
         self.milliseconds.append(1e3 * (time.process_time() - began) / B)
+        return self.kept
+
+    def paid(self, i: int) -> np.ndarray:
+        """(B, M) what was chosen for reading i."""
         return self.kept
 
     def worth(self, i: int, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -161,6 +177,27 @@ class GreedyInformation(Choosing):
         return found
 
 
+class Eigenspace(Choosing):
+    """The largest information along the worst direction of the estimate. Oshman (1994), equations (15)-(20)."""
+
+    name: ClassVar[str] = "eigenspace"
+
+    def worth(self, i: int, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+        """(B, M) tr(E H' R^-1 H), E the projector onto the eigenspace of the largest eigenvalue of the covariance.
+
+        `mean` (B, n), `covariance` (B, n, n). Eigenvalues within 1e-9 of the largest one belong to it.
+        """
+        values, vectors = np.linalg.eigh(covariance)
+        worst = (values >= (1 - SAME) * values[:, -1:])[:, None, :] * vectors
+        found = np.zeros((len(mean), len(self.chain.rows)))
+        for j in np.flatnonzero(self.measuring):
+            seen = self.chain.seen(i, int(j), mean)
+            along = seen.slope @ worst
+            found[:, j] = np.sum(along * np.linalg.solve(seen.noise, along), axis=(1, 2))
+        best = np.max(found, axis=1, keepdims=True)
+        return np.where(found >= (1 - TIED) * best, best, found)  # ties go to the first sensor
+
+
 class RandomChoice(Choosing):
     """Chance: every sensor that could be read is as likely."""
 
@@ -179,19 +216,21 @@ class Replanned:
     chain : of the problem
     weights : (N, M) the plan to begin with
     options : Replanning
+    shares : (E, M) of its relaxation, where new plans start; None: those of the plan
     """
 
     name: ClassVar[str] = "replanned"
 
-    def __init__(self, chain: Chain, weights: np.ndarray, options: Replanning):
-        self.chain, self.first, self.options = chain, weights, options
+    def __init__(self, chain: Chain, weights: np.ndarray, options: Replanning, shares: np.ndarray | None = None):
+        self.chain, self.first, self.options, self.shares_at_first = chain, weights, options, shares
         self.planner = Planner(chain, options.gap, options.horizon, options.deadline)
+        self.measuring = self.planner.measuring(weights)
         self.milliseconds: list[float] = []
 
     def begin(self, runs: int, luck: np.ndarray) -> None:
         """A batch begins; chance, `luck` (B, N, M), has no part in it."""
-        self.weights = np.tile(self.first, (runs, 1, 1))
-        self.shares: list[np.ndarray | None] = [None] * runs
+        self.weights, self.reads = (np.tile(part, (runs, 1, 1)) for part in (self.first, self.measuring))
+        self.shares = [self.shares_at_first] * runs
         self.plans, self.late = np.zeros(runs), np.zeros(runs)
 
     def choose(self, i: int, mean: np.ndarray, covariance: np.ndarray, lost: np.ndarray) -> np.ndarray:
@@ -203,20 +242,27 @@ class Replanned:
             for b in range(len(mean)):
                 if not lost[b] and usable(mean[b], covariance[b]):
                     self._plan(b, i, mean[b], covariance[b])
+        return self.reads[:, i] > 0.5
+
+    def paid(self, i: int) -> np.ndarray:
+        """(B, M) what is on at reading i."""
         return self.weights[:, i] > 0.5
 
     def _plan(self, b: int, i: int, mean: np.ndarray, covariance: np.ndarray) -> None:
         began = time.process_time()
         try:
             made = self.planner.plan(i, mean, covariance, self.weights[b], self.shares[b])
-        except ProblemError:  # the path from a wrong estimate may leave the numbers
+        except (
+            ProblemError,
+            InfeasibleError,
+        ):  # from a wrong estimate: the old plan goes on
             return
         self.milliseconds.append(1e3 * (time.process_time() - began))
         self.plans[b] += 1
         self.late[b] += made.late
         self.shares[b] = made.relaxed
         if not made.late:
-            self.weights[b, i:] = made.weights
+            self.weights[b, i:], self.reads[b, i:] = made.weights, made.measuring
 
 
 def watches(runs: int) -> list[Watch]:

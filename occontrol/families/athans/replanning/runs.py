@@ -12,9 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.families.athans.readings.fill import fill
+from occontrol.families.athans.readings.ruled import WEIGHTS
 from occontrol.families.athans.replanning.chain import LinearChain, NonlinearChain, product
 from occontrol.families.athans.replanning.filter import normalised, predicted, squared, updated
 from occontrol.families.athans.replanning.policies import Policy, watches
+from occontrol.families.athans.replanning.ruled import changes_price
 from occontrol.numerics.linalg import square_root
 
 GONE = 1e150  # an estimate beyond it has left the numbers: its run goes on without readings
@@ -69,7 +71,7 @@ class Outcomes:
     Parameters
     ----------
     error : (B,) running plus terminal squared error, weighted as the objective weighs covariances
-    price : (B,) of the readings, times the cost weight
+    price : (B,) of the readings and changes, as the objective weighs them
     nees : (B,) mean of e' P^-1 e / n over the readings
     nis : (B,) mean of the normalised innovation squared per value
     lost : (B,) readings that brought nothing
@@ -169,6 +171,8 @@ def run(chain: LinearChain | NonlinearChain, policy: Policy, truths: Truths, cha
     mean = np.tile(np.asarray(problem.plant.mean, dtype=float), (B, 1))
     covariance = np.tile((problem.plant.covariance + problem.plant.covariance.T) / 2, (B, 1, 1))
     prices = np.column_stack([s.cost.sample(problem.clock.times)[:, 0, 0] for s in problem.sensors])
+    prices *= WEIGHTS.get(problem.minimise, problem.cost_weight)
+    used_at = np.zeros((B, N, len(chain.rows)), dtype=bool)
     watch = watches(B)
     error, price, nees = np.zeros(B), np.zeros(B), np.zeros(B)
     nis, values, lost, taken = np.zeros(B), np.zeros(B), np.zeros(B), np.zeros(B)
@@ -182,10 +186,12 @@ def run(chain: LinearChain | NonlinearChain, policy: Policy, truths: Truths, cha
         mean, covariance = _kept(gone, mean, covariance)
         error += charges.at(i, truth - mean, after=False)
         chosen = policy.choose(i, mean, covariance, np.array([w.diverging for w in watch]))
+        paid = used_at[:, i] = policy.paid(i)
+        for j in np.flatnonzero(np.any(paid, axis=0)).tolist():
+            price[paid[:, j]] += prices[i, j]
         own, count = np.zeros(B), np.zeros(B)
         for j in np.flatnonzero(np.any(chosen, axis=0) & measuring).tolist():
             used = np.flatnonzero(chosen[:, j])
-            price[used] += problem.cost_weight * prices[i, j]
             z, there = (part[used] for part in truths.reading(i, j))
             there = there & ~gone[used]
             lost[used[~there]] += 1
@@ -203,6 +209,7 @@ def run(chain: LinearChain | NonlinearChain, policy: Policy, truths: Truths, cha
         mean, covariance = _kept(gone, mean, covariance)
         error += charges.at(i, truth - mean, after=True)
         nees += np.where(gone, np.inf, normalised(truth - mean, covariance))
+    price += changes_price(problem, used_at)
     mean, _, _ = chain.span(N, mean)
     miss = truths.output - chain.output(mean)
     error += np.sum(miss * miss, axis=1) + charges.constant

@@ -196,11 +196,15 @@ def test_refusals_say_what_there_is(tmp_path: Path) -> None:
     problem, solution = solved(tmp_path, LINEAR)
     with pytest.raises(UsageError, match="did you mean 'greedy'"):
         compare(problem, solution, ["gredy"], 10, 1, Monitor())
-    ruled, planned = solved(tmp_path, LINEAR.replace("objective:", "constraints: {max_switches: 3}\nobjective:"))
-    with pytest.raises(UsageError, match="policy 'replanned' keeps no rules and budgets"):
+    capped = LINEAR.replace("objective:", "constraints: {max_error: 60}\nobjective:")
+    ruled, planned = solved(tmp_path, capped)
+    with pytest.raises(UsageError, match="policy 'replanned' does not keep these rules and budgets"):
         compare(ruled, planned, ["replanned"], 10, 1, Monitor())
-    with pytest.raises(UsageError, match="plans on the way do not keep rules"):
+    with pytest.raises(UsageError, match="max_error is a promise made before anything is read"):
         ReplanningLoop(ruled, planned.schedule)
+    ruled, planned = solved(tmp_path, LINEAR.replace("objective:", "constraints: {max_switches: 3}\nobjective:"))
+    with pytest.raises(UsageError, match="a horizon that recedes does not see the rules"):
+        ReplanningLoop(ruled, planned.schedule, Replanning(horizon=3))
     rate = oc.read_problem(Path(__file__).resolve().parents[4] / "problems" / "scalar_on_off.yaml")
     with pytest.raises(UsageError, match="not of continuous sensing"):
         compare(rate, solution, None, 10, 1, Monitor())
