@@ -55,5 +55,5 @@ def test_a_multiple_eigenvalue_and_a_tie_are_seen_as_such(tmp_path: Path) -> Non
     chain = chain_of(read(tmp_path, "athans"))
     worth = policies.Eigenspace(chain).worth(3, np.zeros((2, 4)), np.array([np.eye(4), np.diag([1, 9, 1, 1.0])]))
     R = 0.5 + 0.4 * np.cos(1.5)
-    np.testing.assert_allclose(worth[0], [1 / 0.5, 1 / R, 1 / 0.7 + 1 / 2], rtol=1e-12)  # the whole trace of information
+    np.testing.assert_allclose(worth[0], [1 / 0.5, 1 / R, 1 / 0.7 + 1 / 2], rtol=1e-12)  # all of the information
     np.testing.assert_allclose(worth[1], [0, 0, 1 / 2], atol=1e-12)
