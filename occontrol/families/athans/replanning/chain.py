@@ -15,7 +15,7 @@ import numpy as np
 from occontrol.core.errors import UsageError
 from occontrol.families.athans.nonlinear.index import Stages, stages
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
-from occontrol.families.athans.readings.fill import terminal_weight
+from occontrol.families.athans.readings.fill import terminal_output
 from occontrol.families.athans.readings.filter import between
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.scope import require_traces
@@ -80,9 +80,7 @@ class LinearChain:
         self.F, self.g, self.Q = between(problem)
         times = problem.clock.times
         self.sensors = [(s.C.sample(times), s.noise.sample(times)) for s in problem.sensors]
-        W, _ = terminal_weight(problem)
-        values, vectors = np.linalg.eigh((W + W.T) / 2)
-        self._root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        self._output = terminal_output(problem)[0]
 
     @property
     def rows(self) -> tuple[int, ...]:
@@ -107,8 +105,8 @@ class LinearChain:
         return np.zeros(self.rows[j], dtype=bool)
 
     def output(self, states: np.ndarray) -> np.ndarray:
-        """(B, p) W^1/2 x for `states` (B, n): its squared length is what the terminal weight charges."""
-        return product(np.broadcast_to(self._root, (len(states), *self._root.shape)), states)
+        """(B, p) what `states` (B, n) after the last span lead the output to be: its squared length is charged."""
+        return product(np.broadcast_to(self._output, (len(states), *self._output.shape)), states)
 
 
 class NonlinearChain:

@@ -8,7 +8,7 @@ Athans (1971), section 8.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -18,9 +18,10 @@ from occontrol.core.errors import InfeasibleError, ProblemError
 from occontrol.core.measurement import Step
 from occontrol.core.schedule import Schedule
 from occontrol.families.athans.nonlinear.linearise import Replanning
-from occontrol.families.athans.readings.filter import weights_on
+from occontrol.families.athans.nonlinear.prediction import Prediction
+from occontrol.families.athans.readings.filter import reading_model, reading_predictor, weights_on
 from occontrol.families.athans.readings.problem import ReadingsProblem
-from occontrol.families.athans.replanning.chain import LinearChain, NonlinearChain, chain_of, product
+from occontrol.families.athans.replanning.chain import LinearChain, NonlinearChain, chain_of
 from occontrol.families.athans.replanning.filter import predicted, updated
 from occontrol.families.athans.replanning.planner import Planner, Replan, usable
 
@@ -87,8 +88,9 @@ class ReplanningLoop:
         self.problem, self.chain = problem, chain_of(problem)
         self.options = options or getattr(getattr(problem.plant, "linearised", None), "replan", None) or Replanning()
         self.planner = self._planner(self.chain)
-        self.names = tuple(problem.sensors.names)
+        self.names, self.schedule = tuple(problem.sensors.names), schedule
         self._planned = weights_on(problem, schedule)
+        self.predict = self._predictor()
         self.restart()
 
     def restart(self) -> None:
@@ -140,10 +142,10 @@ class ReplanningLoop:
         self.watch.add(nis, int(values))
         time = float(self.problem.clock.times[self.k])
         mean, covariance = self.mean[0], self.covariance[0]
+        w, spread = self.predict(self.k + 1, mean, covariance)
         self.k += 1
         self._advance()
         made = self._plan()
-        w, spread = self._prediction()
         return ReplannedStep(
             time=time, estimate=mean, covariance=covariance, prediction=w, prediction_covariance=spread,
             nis=nis if values else np.nan, dimension=int(values), next_sensors=self.next_sensors, replan=made,
@@ -174,6 +176,7 @@ class ReplanningLoop:
             closed[: self.k] = False
             self.weights = np.where(closed, 0.0, self.weights)
         self.problem, self.chain, self.planner, self.due = problem, chain, planner, True
+        self.predict = self._predictor()
         self.measuring = np.where(self.weights > 0, self.measuring, 0.0)
         return self._plan(strict=True)
 
@@ -203,18 +206,8 @@ class ReplanningLoop:
             self.weights[k:], self.measuring[k:], self.due = made.weights, made.measuring, False
         return made
 
-    def _prediction(self) -> tuple[np.ndarray, np.ndarray]:
-        """The output as it is predicted now, and its covariance by the maps along the way."""
-        mean, covariance = self.mean, self.covariance
-        for i in range(self.k + 1, self.problem.readings + 1):
-            mean, F, Q = self.chain.span(i, mean)
-            covariance = predicted(covariance, F, Q)
-        D = self.problem.output.at(self.problem.output_at)
-        n = mean.shape[1]
-        step = 1e-6 * (1 + np.abs(mean[0]))
-        moved = np.repeat(mean, 2 * n, axis=0) + np.vstack([np.diag(step), -np.diag(step)])
-        ends = self.chain.output(moved)
-        slope = ((ends[:n] - ends[n:]) / (2 * step[:, None])).T
-        if slope.shape[0] != D.shape[0]:  # of a linear plant: the root of the terminal weight in its place
-            return product(D[None], mean)[0], D @ covariance[0] @ D.T
-        return self.chain.output(mean)[0], slope @ covariance[0] @ slope.T
+    def _predictor(self) -> Callable[[int, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """Output and its covariance from the estimate after so many readings."""
+        if isinstance(self.chain, NonlinearChain):
+            return Prediction(self.problem, self.chain.stages).from_estimate
+        return reading_predictor(self.problem, reading_model(self.problem, self.schedule)).predict

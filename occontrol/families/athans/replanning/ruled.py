@@ -75,14 +75,14 @@ class RulesOnTheWay:
         gap: float,
         monitor: Monitor,
     ) -> tuple[np.ndarray, np.ndarray, float, float] | None:
-        """What is on and what measures (E', M) in the decisions to come, their cost and its bound; None: no schedule.
+        """What is on and what measures in D decisions to come, their cost and its bound; None: there is no schedule.
 
         Parameters
         ----------
         rest : of the readings from k on
         k : the next reading
         owner : (N,) the decision of every reading
-        upper : (E', M) what is open of the decisions to come
+        upper : (D, M) what is open in the decisions to come
         old : (E, M) the plan so far; its decisions before k are done
         relaxed : the relaxation of the rest without rules
         gap : relative

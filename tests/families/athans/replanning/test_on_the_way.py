@@ -185,3 +185,27 @@ def test_a_slow_plan_is_dropped_and_counted(tmp_path: Path, monkeypatch) -> None
     found = compare(problem, solution, ["nominal", "replanned"], 4, 3, Monitor()).policies
     assert found["replanned"]["late"] == 1.0 and found["replanned"]["difference"] == 0.0
     assert found["nominal"]["late"] is None
+
+
+@pytest.mark.parametrize("beyond", ["steps: 9", "start: 0, end: 4, samples: 9, predict_at: 6.5"])
+def test_without_plans_the_loop_is_the_matched_filter(tmp_path: Path, beyond: str) -> None:
+    text = TEXT.replace("RULES", "")
+    if "samples" in beyond:
+        text = text.replace("horizon: {steps: 9}", f"horizon: {{{beyond}}}\nsensing: samples").replace("*k", "*t")
+        for old, new in (("F: [[1, 1], [0, 0.9]]", "A: [[0, 1], [0, -0.1]]"), ("Q:", "noise:"), ("H:", "C:")):
+            text = text.replace(old, new)
+        text = text.replace("R:", "noise:")
+    text = text.replace("output: [[1, 0]]", "output: [[1, 2], [0.5, 1]]")
+    (tmp_path / "p.yaml").write_text(text, encoding="utf-8")
+    problem = oc.read_problem(tmp_path / "p.yaml")
+    solution = oc.solve(problem)
+    loop, other = ReplanningLoop(problem, solution.schedule, Replanning(every=100)), oc.online(problem, solution)
+    draw = np.random.default_rng(2)
+    while not loop.finished:
+        assert loop.next_sensors == tuple(other.next_sensors)
+        readings = {name: draw.standard_normal(1) for name in loop.next_sensors if draw.random() < 0.8}
+        ours, theirs = loop.step(readings), other.step(readings)
+        np.testing.assert_allclose(ours.estimate, theirs.estimate, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(ours.covariance, theirs.covariance, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(ours.prediction, theirs.prediction, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(ours.prediction_covariance, theirs.prediction_covariance, rtol=1e-9)
