@@ -97,8 +97,9 @@ def main() -> None:
     lines = [
         "## New plans on the way",
         "",
-        f"Made by `python scripts/bench_replan.py` on {datetime.date.today()}: milliseconds of the processor, one thread,",
-        "of a step of the loop that makes a plan, and of one that does not. Plans start from the shares of the one before.",
+        f"Made by `python scripts/bench_replan.py` on {datetime.date.today()}: milliseconds of the processor, one",
+        "thread, of a step of the loop that makes a plan, and of one that does not. Plans start from the shares of the",
+        "one before.",
         "",
         "| problem | n | M | N | plans | median | 95 % | target | | a step without |",
         "|---|---|---|---|---|---|---|---|---|---|",
