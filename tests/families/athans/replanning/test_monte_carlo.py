@@ -168,7 +168,7 @@ def test_the_command_prints_a_table_a_verdict_and_json(tmp_path: Path, monkeypat
     Path("radars.yaml").write_text(LINEAR, encoding="utf-8")
     assert command(["montecarlo", "radars.yaml", "--runs", "20", "--seed", "2"]) == 0
     text = capsys.readouterr().out
-    assert "verdict  20 runs." in text and "greedy-information" in text
+    assert "verdict  20 runs, all intervals together at 95%." in text and "greedy-information" in text
     folder = Path("runs/radars-montecarlo")
     assert sorted(p.name for p in folder.iterdir()) == ["montecarlo.html", "montecarlo.json", "montecarlo.png"]
     words = ["montecarlo", "radars.yaml", "--runs", "20", "--seed", "2", "--policies", "nominal,greedy", "--json"]
