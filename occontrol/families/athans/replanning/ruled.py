@@ -23,7 +23,8 @@ from occontrol.scheduling.rules.task import Task
 from occontrol.scheduling.rules.tree import Search, TreeOptions
 from occontrol.scheduling.sweep import Sweep
 
-MOVES, FIRST = 200, 20  # evaluations of block moves on a plan; nodes in which a first schedule must be found
+NODES, FIRST = 4, 20  # of a plan's tree; those in which a first schedule must be found
+MOVES = 200  # evaluations of block moves on every better plan
 
 
 class RulesOnTheWay:
@@ -98,7 +99,7 @@ class RulesOnTheWay:
         shares[:, :M] = np.concatenate([old[:first], relaxed.weights])
         rounded = np.concatenate([old[:first], np.round(relaxed.weights)])
         seeds = [plan for plan in (oracle.follow(on), nearest(task, rounded)) if plan is not None]
-        tree = Search(task, TreeOptions(gap, 1, MOVES, FIRST), monitor, seeds).run(shares)
+        tree = Search(task, TreeOptions(gap, NODES, MOVES, FIRST), monitor, seeds).run(shares)
         if tree.best is None:
             return None
         plan, done = tree.best.plan, switching_cost(rules, on[:first]) if first else 0.0
