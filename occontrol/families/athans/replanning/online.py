@@ -171,6 +171,7 @@ class ReplanningLoop:
         planner = self._planner(chain)
         if planner.rules is not None and self.planner.rules is not None:
             planner.rules.spent(self.planner.rules, self.planner.owner, self.k)
+        before = (self.problem, self.chain, self.planner, self.predict, self.weights, self.measuring, self.due)
         if isinstance(chain, LinearChain):  # what has closed is not read, even where the next plan has to wait
             closed = problem.upper[planner.owner] <= 0
             closed[: self.k] = False
@@ -178,7 +179,11 @@ class ReplanningLoop:
         self.problem, self.chain, self.planner, self.due = problem, chain, planner, True
         self.predict = self._predictor()
         self.measuring = np.where(self.weights > 0, self.measuring, 0.0)
-        return self._plan(strict=True)
+        try:
+            return self._plan(strict=True)
+        except (ProblemError, InfeasibleError):
+            self.problem, self.chain, self.planner, self.predict, self.weights, self.measuring, self.due = before
+            raise
 
     def _planner(self, chain: LinearChain | NonlinearChain) -> Planner:
         return Planner(chain, self.options.gap, self.options.horizon, self.options.deadline)

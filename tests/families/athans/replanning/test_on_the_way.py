@@ -109,9 +109,9 @@ def test_what_was_done_counts_for_the_rules(tmp_path: Path, name: str) -> None:
         changes = switching_cost(frame.rules, whole) - switching_cost(frame.rules, whole[:k])
         assert made.cost == pytest.approx(rest_cost(whole, read, k, P) + changes, rel=1e-9)
         assert made.lower_bound <= best * (1 + 1e-9)
-        assert best * (1 - 1e-9) <= made.cost <= 1.05 * best  # a plan on the way is not searched to the end
+        assert best * (1 - 1e-9) <= made.cost <= 1.1 * best  # a plan on the way is not searched to the end
     if sensor:
-        assert np.any(made.measuring < made.weights)
+        assert np.any(planner.measuring(weights) < weights)
 
 
 def test_under_rules_nothing_lost_changes_nothing(tmp_path: Path) -> None:
@@ -154,19 +154,21 @@ def test_the_plan_after_a_change_is_that_of_the_rest_posed_anew(tmp_path: Path) 
     rest = {"steps:_9": "steps: 6", "0.1*k": "0.1*(k+3)", "cost:_0.1": "cost: 0.6"}
     _, again = solved(tmp_path, **rest, **{"{diag:_[25,_4]}": str(P.tolist())})
     assert made.lower_bound <= again.cost * (1 + 1e-9)
-    assert made.cost == pytest.approx(again.cost, rel=1e-9)
+    assert again.lower_bound <= made.cost * (1 + 1e-9) <= 1.02 * again.cost
 
 
 def test_what_cannot_go_on_is_said(tmp_path: Path) -> None:
     problem, solution = solved(tmp_path)
     loop = ReplanningLoop(problem, solution.schedule, Replanning(every=100))
-    to(loop, 4)
-    used = len({int(j) for j in np.argmax(loop.weights[:4], axis=1)})
-    assert used > 1
-    with pytest.raises(InfeasibleError, match="goes on from what was done before reading 4"):
+    used = np.argmax(loop.weights, axis=1)
+    k = int(np.flatnonzero(used != used[0])[0]) + 1
+    to(loop, k)
+    with pytest.raises(InfeasibleError, match=f"goes on from what was done before reading {k}"):
         loop.change(solved(tmp_path, "constraints: {max_switches: 0}")[0])
     with pytest.raises(ProblemError, match="other sensors, states or readings"):
         loop.change(solved(tmp_path, **{"steps:_9": "steps: 8"})[0])
+    assert loop.problem is problem and not loop.due  # as if nobody had asked
+    loop.step({})
 
 
 def test_a_slow_plan_is_dropped_and_counted(tmp_path: Path, monkeypatch) -> None:
