@@ -6,6 +6,8 @@ must still last as long as it owes, and changes, uses, times, duty windows and b
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from occontrol.core.errors import UsageError
@@ -14,13 +16,14 @@ from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.readings.rules import frame_of
 from occontrol.families.athans.replanning.rest import behind
 from occontrol.families.athans.rules.columns import on_of, user_weights, with_warming
-from occontrol.families.athans.rules.search import nearest
+from occontrol.families.athans.rules.search import nearest, searched
 from occontrol.families.athans.rules.setting import GOALS
+from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.relaxation import RelaxedOutcome
 from occontrol.scheduling.rules.check import switching_cost
 from occontrol.scheduling.rules.task import Task
-from occontrol.scheduling.rules.tree import Search, TreeOptions
+from occontrol.scheduling.rules.tree import TreeOptions
 from occontrol.scheduling.sweep import Sweep
 
 NODES, FIRST = 4, 20  # of a plan's tree; those in which a first schedule must be found
@@ -95,16 +98,19 @@ class RulesOnTheWay:
         oracle = self.oracle.after(on[:first], whole)
         recursion = with_warming(behind(rest, k, owner, whole), self.warmers)
         task = Task(rules, self.frame.edges, oracle, Sweep(recursion), self.spend, self.goal)
-        shares = np.zeros(oracle.shape)
-        shares[:, :M] = np.concatenate([old[:first], relaxed.weights])
+        done, empty = old[:first].copy(), ~np.any(on[:first], axis=1)
+        done[empty] = 1.0 / M  # on the way from one sensor to another
+        start = replace(relaxed, weights=np.concatenate([done, relaxed.weights]))
+        past = np.where(empty[:, None], 1.0, np.maximum(done, 0.0))
+        allowed = IntervalPolytopes(np.concatenate([past, upper]), rules.select, None, rules.names)
         rounded = np.concatenate([old[:first], np.round(relaxed.weights)])
         seeds = [plan for plan in (oracle.follow(on), nearest(task, rounded)) if plan is not None]
-        tree = Search(task, TreeOptions(gap, NODES, MOVES, FIRST), monitor, seeds).run(shares)
+        _, tree = searched(task, start, TreeOptions(gap, NODES, MOVES, FIRST), monitor, seeds, allowed)
         if tree.best is None:
             return None
-        plan, done = tree.best.plan, switching_cost(rules, on[:first]) if first else 0.0
+        plan, paid = tree.best.plan, switching_cost(rules, on[:first]) if first else 0.0
         weights = user_weights(plan.on, rules)
-        return weights[first:], plan.weights[first:, :M], tree.best.value - done, tree.lower_bound - done
+        return weights[first:], plan.weights[first:, :M], tree.best.value - paid, tree.lower_bound - paid
 
 
 def changes_price(problem: ReadingsProblem, on: np.ndarray) -> np.ndarray:
