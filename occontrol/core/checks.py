@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from occontrol.core.errors import Mistake, Path
+from occontrol.core.errors import Mistake, Path, ProblemError
 from occontrol.core.signal import ExpressionSignal, Signal
 
 ASYMMETRY = 1e-9
@@ -79,7 +79,10 @@ def check_finite(name: str, signal: Signal, times: np.ndarray, path: Path, varia
         scale = float(np.max(np.abs(signal.at(0.0)), initial=0.0)) if signal.constant else 0.0
         return [Mistake(path, f"{name} is too large: it holds {scale:g}", UNITS)] if scale > LARGEST else []
     hint = "it must be finite over the whole horizon"
-    times = looked_at(signal, times, variable)
+    try:
+        times = looked_at(signal, times, variable)
+    except ProblemError as error:  # a formula whose jumps cannot be told
+        return [Mistake(path, f"{name}: {m.what}", m.hint) for m in error.mistakes]
     values = signal.sample(times)
     bad = ~np.all(np.isfinite(values), axis=(1, 2))
     if np.any(bad):
@@ -104,9 +107,9 @@ def looked_at(signal: Signal, times: np.ndarray, variable: str = "t") -> np.ndar
     """
     if variable != "t" or signal.constant:
         return times
-    inside = signal.breakpoints
+    inside = signal.breaks(float(times[0]), float(times[-1]))
     if isinstance(signal, ExpressionSignal):
-        inside = np.linspace(times[0], times[-1], SAMPLES_BETWEEN)
+        inside = np.union1d(inside, np.linspace(times[0], times[-1], SAMPLES_BETWEEN))
     return np.union1d(times, inside[(inside > times[0]) & (inside < times[-1])])
 
 

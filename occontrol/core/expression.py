@@ -13,8 +13,10 @@ import math
 import operator
 import unicodedata
 import warnings
-from collections.abc import Mapping, Sequence
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, lru_cache, reduce
+
+import numpy as np
 
 from occontrol.core.errors import ProblemError, suggest
 from occontrol.core.kinds import Casadi
@@ -38,6 +40,8 @@ FUNCTIONS: dict[str, tuple[str, int, int]] = {
     "hypot": ("hypot", 2, 2),
     "min": ("fmin", 2, 0),
     "max": ("fmax", 2, 0),
+    "step": ("step", 1, 1),
+    "if_else": ("if_else", 3, 3),
 }
 _BINARY = {
     ast.Add: operator.add,
@@ -46,6 +50,8 @@ _BINARY = {
     ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }
+_COMPARE = {ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge}
+_CONDITION = "a condition is t < 5, or several of them joined by and, or, not"
 
 
 TIME = ("t", "k")  # what formulas call time and step
@@ -118,7 +124,8 @@ class Expression:
     Parameters
     ----------
     text : str
-        The formula: + - * / **, parentheses, numbers, pi, e, the functions in `FUNCTIONS`.
+        The formula: + - * / **, parentheses, numbers, pi, e, the functions in `FUNCTIONS`, and comparisons, which are
+        1 where they hold and 0 elsewhere; core/jumps.py knows when they change.
     variables : sequence of str
         The names that it may use, e.g. ("t",).
 
@@ -160,6 +167,14 @@ class Expression:
                     wanted = str(fewest) if most == fewest else f"at least {fewest}"
                     raise _fail(self.text, f"gives {name} {given} argument{'s' * (given != 1)}, it takes {wanted}")
                 callees.add(node.func)
+                if name == "if_else":
+                    self._condition(node.args[0], "decides by something that is no comparison")
+            elif isinstance(node, ast.Compare):
+                if not all(type(op) in _COMPARE for op in node.ops):
+                    raise _fail(self.text, "compares otherwise than by <, <=, > or >=", "write 2 <= t <= 3 for a span")
+            elif isinstance(node, ast.BoolOp) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)):
+                for part in node.values if isinstance(node, ast.BoolOp) else [node.operand]:
+                    self._condition(part, "joins something that is no comparison")
             elif isinstance(node, ast.Name):
                 if node in callees:
                     continue
@@ -175,15 +190,23 @@ class Expression:
                     hint = "write ** for a power" if isinstance(node.op, ast.BitXor) else "operators: + - * / **"
                     raise _fail(self.text, "uses an operator that is not allowed", hint)
             elif isinstance(node, ast.UnaryOp):
-                if not isinstance(node.op, ast.USub | ast.UAdd):
+                if not isinstance(node.op, ast.USub | ast.UAdd | ast.Not):
                     raise _fail(self.text, "uses an operator that is not allowed", "operators: + - * / **")
             elif isinstance(node, ast.Attribute):
                 raise _fail(
                     self.text, f"uses '.{node.attr}': attributes are not allowed", "write sin(t), not math.sin(t)"
                 )
-            elif not isinstance(node, ast.operator | ast.unaryop | ast.expr_context):
-                raise _fail(self.text, f"contains something that is not a formula ({type(node).__name__})")
+            elif not isinstance(node, ast.operator | ast.unaryop | ast.expr_context | ast.cmpop | ast.boolop):
+                hint = "write if_else(t < 5, this, other)" if isinstance(node, ast.IfExp) else ""
+                raise _fail(self.text, f"contains something that is not a formula ({type(node).__name__})", hint)
         self.used = frozenset(used)
+
+    def _condition(self, node: ast.expr, what: str) -> None:
+        if not (
+            isinstance(node, ast.Compare | ast.BoolOp)
+            or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
+        ):
+            raise _fail(self.text, what, _CONDITION)
 
     def casadi(self, symbols: dict[str, Casadi]) -> Casadi:
         """The formula rebuilt over CasADi symbols, one for each name in `variables`."""
@@ -214,14 +237,42 @@ def _build(node: ast.expr, symbols: dict[str, Casadi]) -> Casadi:
         return _BINARY[type(node.op)](_build(node.left, symbols), _build(node.right, symbols))
     if isinstance(node, ast.UnaryOp):
         operand = _build(node.operand, symbols)
+        if isinstance(node.op, ast.Not):
+            return casadi.logic_not(operand)
         return -operand if isinstance(node.op, ast.USub) else operand
+    if isinstance(node, ast.BoolOp):
+        join = casadi.logic_and if isinstance(node.op, ast.And) else casadi.logic_or
+        return reduce(join, [_build(part, symbols) for part in node.values])
+    if isinstance(node, ast.Compare):
+        values = [_build(part, symbols) for part in (node.left, *node.comparators)]
+        held = [_COMPARE[type(op)](a, b) for a, op, b in zip(values, node.ops, values[1:], strict=False)]
+        return reduce(casadi.logic_and, held)
     assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-    function = getattr(casadi, FUNCTIONS[node.func.id][0])
     values = [_build(a, symbols) for a in node.args]
+    if node.func.id == "step":
+        return values[0] >= 0
+    if node.func.id == "if_else":
+        return casadi.if_else(*values)
+    function = getattr(casadi, FUNCTIONS[node.func.id][0])
     result = function(*values[:2]) if len(values) > 1 else function(values[0])
     for value in values[2:]:
         result = function(result, value)
     return result
+
+
+def function_of(node: ast.expr) -> Callable[[np.ndarray], np.ndarray]:
+    """Times (K,) -> values (K,) of a checked formula, or a part of one, that knows one variable.
+
+    Parameters
+    ----------
+    node : its syntax tree
+    """
+    import casadi
+
+    symbol = casadi.SX.sym("t")
+    names = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)} - CONSTANTS.keys() - FUNCTIONS.keys()
+    function = casadi.Function("part", [symbol], [_build(node, dict.fromkeys(names, symbol))])
+    return lambda times: np.array(function(np.asarray(times).reshape(1, -1))).ravel()
 
 
 def value_of(text: str, values: Mapping[str, float] | None = None) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.expression import parse_expression
+from occontrol.core.jumps import require_still
 from occontrol.core.kinds import Casadi
 
 
@@ -20,12 +21,16 @@ def unknown_model(kind: str, name: str, known: Sequence[str]) -> Mistake:
 
 
 def check_formulas(entries: Sequence[float | str], names: tuple[str, ...], key: str) -> list[Mistake]:
-    """Check a list of numbers and formulas of `names` that stands under `key`."""
+    """Check a list of numbers and formulas of `names` that stands under `key`.
+
+    What compares states, or steps with them, jumps at times that nobody knows beforehand; what compares t jumps between
+    the steps of whoever integrates along a path. Both are refused; k in discrete time may be compared.
+    """
     mistakes = []
     for i, entry in enumerate(entries):
         if isinstance(entry, str):
             try:
-                parse_expression(entry, names)
+                require_still(parse_expression(entry, names))
             except ProblemError as error:
                 mistakes += [m.under(key, i) for m in error.mistakes]
         elif isinstance(entry, bool) or not isinstance(entry, int | float) or not np.isfinite(entry):

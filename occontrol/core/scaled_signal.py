@@ -1,6 +1,6 @@
 """Signals whose rows and columns are multiplied by constants: the same function of time in other units.
 
-Every kind of signal stays of its kind, so that whatever looks at its breakpoints, its formulas or its table still does.
+Every kind of signal stays of its kind, so that whatever looks at its breaks, its formulas or its table still does.
 """
 
 from __future__ import annotations
@@ -35,9 +35,8 @@ class ScaledSignal(Signal):
     def constant(self) -> bool:  # type: ignore[override]
         return self.inner.constant
 
-    @property
-    def breakpoints(self) -> np.ndarray:
-        return self.inner.breakpoints
+    def breaks(self, start: float, end: float) -> np.ndarray:
+        return self.inner.breaks(start, end)
 
     def at(self, t: float) -> np.ndarray:
         return self.inner.at(t) * self.factor

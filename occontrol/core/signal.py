@@ -1,7 +1,7 @@
 """Matrix-valued functions of time: constant, given by expressions, or tabulated.
 
-A Signal answers `at(t)`, `sample(times)` and `breakpoints` (times between which it is smooth), knows its shape, and can
-be written back into a problem document. In discrete time the variable is the step k.
+A Signal answers `at(t)`, `sample(times)` and `breaks(start, end)` (times between which it is smooth), knows its shape,
+and can be written back into a problem document. In discrete time the variable is the step k.
 """
 
 from __future__ import annotations
@@ -15,8 +15,11 @@ import numpy as np
 from occontrol.core.clock import tolerance
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.expression import parse_expression
+from occontrol.core.jumps import conditions, jump_times
 from occontrol.core.kinds import CasadiFunction, MatrixLike, Plain
 from occontrol.core.poles import find_pole
+
+BEHIND = 4.0  # units in the last place of a time, by which a formula with jumps is asked later
 
 
 class Signal:
@@ -33,9 +36,8 @@ class Signal:
         """The (K, rows, columns) matrices at `times` (K,), in the unit of time."""
         raise NotImplementedError
 
-    @property
-    def breakpoints(self) -> np.ndarray:
-        """Times at which the signal, or its slope, may jump."""
+    def breaks(self, start: float, end: float) -> np.ndarray:
+        """Times (K,), at least those between `start` and `end`, at which the signal, or a table's slope, may jump."""
         return np.empty(0)
 
     def document(self) -> Plain:
@@ -107,8 +109,22 @@ class ExpressionSignal(Signal):
         times = np.asarray(times, dtype=float)
         if len(times) == 0:  # CasADi would take it for one time
             return np.empty((0, *self.shape))
+        if self._jumping and self.variable == "t":  # at a jump stands what comes behind it, as in tables
+            times = times + BEHIND * np.spacing(np.abs(times))
         values = np.array(self._function(times.reshape(1, -1)))
         return np.ascontiguousarray(values.T).reshape(len(times), *self.shape)
+
+    @cached_property
+    def _jumping(self) -> tuple[str, ...]:
+        """The formulas that may jump."""
+        texts = dict.fromkeys(entry for row in self.entries for entry in row if isinstance(entry, str))
+        return tuple(text for text in texts if conditions(parse_expression(text, (self.variable,))))
+
+    def breaks(self, start: float, end: float) -> np.ndarray:
+        """Times (K,) between `start` and `end` at which an entry may jump; ProblemError where they cannot be told."""
+        if not self._jumping or self.variable != "t":
+            return np.empty(0)
+        return np.unique(np.concatenate([jump_times(text, "t", start, end) for text in self._jumping]))
 
     def pole(self, times: np.ndarray) -> tuple[float, int, int] | None:
         """(time, row, column) of the first entry that is infinite between `times` (K,), where all are finite."""
@@ -170,8 +186,7 @@ class TableSignal(Signal):
     def shape(self) -> tuple[int, int]:  # type: ignore[override]
         return self.values.shape[1:]  # type: ignore[return-value]
 
-    @property
-    def breakpoints(self) -> np.ndarray:
+    def breaks(self, start: float, end: float) -> np.ndarray:
         return self.times
 
     def covers(self, start: float, end: float) -> bool:

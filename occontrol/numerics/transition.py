@@ -3,9 +3,9 @@
     F = Phi(b, a),   Q = int_a^b Phi(b, t) Xi(t) Phi(b, t)' dt
 
 Constant plants: power series over a short step, doubled up to the span (short_flow.py). Otherwise: sixth-order Magnus
-steps of van Loan's system, spans cut where a table has its times, the number of steps doubled until F and Q stand still
-and A and Xi look smooth; where they do not (a formula with a jump or a kink), the span is halved again and again around
-the place.
+steps of van Loan's system, spans cut where a table has its times or a formula jumps, the number of steps doubled until
+F and Q stand still and A and Xi look smooth; where they do not (a kink of a formula), the span is halved again and
+again around the place.
 Source: van Loan (1978); Blanes, Casas & Ros (2000) for the Magnus coefficients.
 """
 
@@ -118,7 +118,8 @@ def _varying(
     A: Signal, noise: Signal, starts: np.ndarray, ends: np.ndarray, origin: float, cuts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     n = A.shape[0]
-    cuts = np.union1d(np.union1d(A.breakpoints, noise.breakpoints) - origin, cuts)
+    first, last = origin + float(np.min(starts, initial=0.0)), origin + float(np.max(ends, initial=0.0))
+    cuts = np.union1d(np.union1d(A.breaks(first, last), noise.breaks(first, last)) - origin, cuts)
     pieces: list[tuple[float, float]] = []
     owner: list[int] = []
     for i, (a, b) in enumerate(zip(starts, ends, strict=True)):

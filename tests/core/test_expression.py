@@ -15,6 +15,7 @@ from occontrol.core.poles import find_pole
 
 PYTHON = {name: getattr(math, name, None) for name in FUNCTIONS}
 PYTHON |= {"abs": abs, "min": min, "max": max, "sign": lambda x: (x > 0) - (x < 0), "__builtins__": {}, **CONSTANTS}
+PYTHON |= {"step": lambda x: float(x >= 0), "if_else": lambda c, a, b: a if c else b}
 
 
 def value(text: str, **variables: float) -> float:
@@ -26,7 +27,7 @@ def value(text: str, **variables: float) -> float:
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_every_function_is_python_s(name):
     x = 1.3 if name == "acosh" else 0.7
-    arguments = {1: "x", 2: "x, 0.4"}[FUNCTIONS[name][1]]
+    arguments = {1: "x", 2: "x, 0.4", 3: "x < 0.5, x, 0.4"}[FUNCTIONS[name][1]]
     assert value(f"{name}({arguments})", x=x) == pytest.approx(
         eval(f"{name}({arguments})", PYTHON, {"x": x}), rel=1e-14
     )
@@ -112,7 +113,8 @@ def test_any_text_is_a_formula_or_a_mistake(text):
             "t if t else t",
             "t and t",
             "not t",
-            "t < 1",
+            "t == 1",
+            "t in t",
             "f'{t}'",
         ]
         + [

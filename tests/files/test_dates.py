@@ -15,6 +15,7 @@ from occontrol.api import document
 from occontrol.cli import run
 from occontrol.core.calendar import Calendar
 from occontrol.core.errors import ProblemError
+from occontrol.core.state_labels import state_labels
 
 PLAIN = """
 family: athans
@@ -145,3 +146,63 @@ def test_dates_in_data_are_refused_once_with_their_number(tmp_path: Path) -> Non
         with pytest.raises(ProblemError) as caught:
             oc.read_measurements(path, problem)
         assert what in str(caught.value) and str(caught.value).count("\n") == 1
+
+
+OTHERS = {
+    "oshman_every_step": ("horizon: {", "horizon: {date: 2026-01-01T00:00:00Z, unit: min, "),
+    "robust_oscillator": (
+        "horizon: {end: 2.0",
+        "horizon: {date: 2026-01-01T00:00:00Z, unit: h, end: 2026-01-01T02:00Z",
+    ),
+    "turning_target": ("horizon: {", "horizon: {date: 2026-01-01T00:00:00Z, unit: s, "),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_families_with_a_clock_know_dates(tmp_path: Path, name: str) -> None:
+    text = (Path(__file__).resolve().parents[2] / "problems" / f"{name}.yaml").read_text()
+    old, new = OTHERS[name]
+    assert old in text
+    plain, dated = read(tmp_path / "n.yaml", text), read(tmp_path / "d.yaml", text.replace(old, new))
+    horizon = document(dated)["horizon"]
+    assert horizon.pop("date") == "2026-01-01T00:00:00Z" and horizon.pop("unit") in new
+    assert horizon == document(plain)["horizon"] and plain.calendar is None
+    again = read(tmp_path / "again.yaml", str(document(dated)).replace("'", '"').replace("None", "null"))
+    assert again.calendar == dated.calendar
+
+
+def test_a_choice_at_a_step_and_a_slot_have_dates_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder = Path(__file__).resolve().parents[2] / "problems"
+    for name, step, columns in (
+        ("oshman_every_step", 60.0, ["utc"]),
+        ("robust_oscillator", 3600.0, ["utc", "utc_end"]),
+    ):
+        old, new = OTHERS[name]
+        path = tmp_path / f"{name}.yaml"
+        path.write_text((folder / f"{name}.yaml").read_text().replace(old, new))
+        method = "fixed" if name.startswith("oshman") else "one-step"
+        assert run(["solve", str(path), "--method", method, "--no-figures", "--out", name]) == 0
+        assert run(["export", name, "--to", "csv", "--out", f"{name}_csv"]) == 0
+        header, *lines = rows(tmp_path / f"{name}_csv" / "schedule.csv")
+        assert header[-len(columns) :] == columns
+        for line in (lines[0], lines[-1]):
+            t = float(line[header.index("k" if "k" in header else "start")])
+            moment = datetime.fromisoformat(line[header.index("utc")])
+            wanted = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(seconds=t * step)
+            assert abs((moment - wanted).total_seconds()) <= 1e-6
+
+
+def test_a_problem_without_a_clock_says_so(tmp_path: Path) -> None:
+    text = (Path(__file__).resolve().parents[2] / "problems" / "moments_small.yaml").read_text()
+    with pytest.raises(ProblemError, match="unknown key 'horizon'"):
+        read(tmp_path / "p.yaml", text + "\nhorizon: {date: 2026-01-01T00:00:00Z}\n")
+
+
+def test_states_of_an_uncertain_plant_have_names(tmp_path: Path) -> None:
+    text = (Path(__file__).resolve().parents[2] / "problems" / "robust_oscillator.yaml").read_text()
+    named = read(tmp_path / "p.yaml", text.replace("plant:\n", "plant:\n  states: [place, speed]\n  units: [m, m/s]\n"))
+    assert state_labels(named) == ["place [m]", "speed [m/s]"]
+    assert document(named)["plant"]["states"] == ["place", "speed"]
+    with pytest.raises(ProblemError, match="the plant has 2 states"):
+        read(tmp_path / "q.yaml", text.replace("plant:\n", "plant:\n  states: [place]\n"))

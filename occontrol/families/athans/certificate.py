@@ -13,10 +13,10 @@ import numpy as np
 
 from occontrol.core.clock import nearest_edge
 from occontrol.core.schedule import Schedule
-from occontrol.core.signal import TableSignal
 from occontrol.core.solution import ALLOWANCE, Certificate
 from occontrol.families.athans.continuous.reintegration import ContinuousCheck, reintegrate
 from occontrol.families.athans.discretise import discretise
+from occontrol.families.athans.integration.edges import jumps
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.scheduling.bounds import at_least_zero
 from occontrol.scheduling.sweep import Sweep
@@ -55,10 +55,11 @@ def discretisation_error(problem: SchedulingProblem, weights: np.ndarray, cost: 
 
 
 def _jumps(problem: SchedulingProblem) -> np.ndarray:
-    """The times well inside an interval at which a table of the problem jumps."""
-    tables = [s for s in problem.signals.values() if isinstance(s, TableSignal) and s.interpolation == "previous"]
-    times = np.unique(np.concatenate([np.empty(0), *(table.breakpoints for table in tables)]))
-    times = times[(times > problem.edges[0]) & (times < problem.edges[-1])]
+    """The times well inside an interval at which a table or a formula of the problem jumps."""
+    start, end = float(problem.edges[0]), float(problem.edges[-1])
+    found = [jumps(signal, start, end) for signal in problem.signals.values()]
+    times = np.unique(np.concatenate([np.empty(0), *found]))
+    times = times[(times > start) & (times < end)]
     return times[~nearest_edge(times, problem.edges)[1]] if len(times) else times
 
 

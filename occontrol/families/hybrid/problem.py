@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from occontrol.core.calendar import Calendar
 from occontrol.core.checks import check_covariance, check_covariance_signal, check_finite, check_shape
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural, suggest
 from occontrol.core.kinds import ArrayField, Kept, PlainMapping, VectorField, unless_given
@@ -42,6 +43,7 @@ class Problem(BaseProblem):
         and a mode drawn from its probabilities, if left out
     method : an object of one of METHODS (methods.py), or None for the default
     expect : known values and their source, if any
+    calendar : what k = 0 is as a date, and what one step takes, or None
 
     Raises ProblemError naming every mistake by its place in a problem file. Liu & Hwang, sections II and IV.
     """
@@ -60,6 +62,7 @@ class Problem(BaseProblem):
     truth_mode: str | None = None
     method: GroupMethod | None = None
     expect: PlainMapping | None = None
+    calendar: Calendar | None = None
     family: str = field(default="hybrid", init=False)
 
     def __post_init__(self) -> None:

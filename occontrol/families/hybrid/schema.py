@@ -16,6 +16,7 @@ from occontrol.families.hybrid.problem import Problem
 from occontrol.families.hybrid.sensor import JumpSensor
 from occontrol.files.schema.common import (
     Context,
+    DatedHorizon,
     Entries,
     Expect,
     Matrix,
@@ -24,6 +25,7 @@ from occontrol.files.schema.common import (
     Strict,
     Vector,
     Whole,
+    dates_document,
     options_document,
     plain,
     prune,
@@ -32,7 +34,7 @@ from occontrol.files.schema.common import (
 CRITERION = "bhattacharyya"
 
 
-class Horizon(Strict):
+class Horizon(DatedHorizon):
     steps: Whole = Field(description="steps: how many k there are")
 
 
@@ -147,6 +149,7 @@ def build(document: Document, context: Context) -> Problem:
         truth_mode=truth.mode,
         method=method,
         expect=expect,
+        calendar=context.calendar,
     )
     found.raise_if_any()
     return problem
@@ -267,7 +270,7 @@ def document(problem: Problem) -> PlainDict:
         {
             "family": "hybrid",
             "name": problem.name,
-            "horizon": {"steps": int(problem.steps)},
+            "horizon": {"steps": int(problem.steps), **dates_document(problem)},
             "modes": [_mode_document(mode) for mode in plant.modes],
             "transition": transition,
             "initial": plain(initial),

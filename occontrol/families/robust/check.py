@@ -56,7 +56,7 @@ def integrate(
     d = np.exp2(np.rint(np.log2(np.diagonal(start)) / 2))
     spans = []
     # where tables and formulas jump: an adaptive step would run over some of them
-    breaks = np.unique(np.concatenate([flow.cuts, np.array(sorted(flow.kinks))]))
+    breaks = np.unique(np.concatenate([flow.cuts(float(edges[0]), float(edges[-1])), np.array(sorted(flow.kinks))]))
     for a, b, sensor in zip(edges[:-1], edges[1:], sequence, strict=True):
         inner = breaks[(breaks > a + 1e-9 * (b - a)) & (breaks < b - 1e-9 * (b - a))]
         nodes = [a, *inner, b]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from occontrol.core.checks import check_covariance, check_shape
 from occontrol.core.errors import Collector, Mistake, ProblemError
 from occontrol.core.kinds import ArrayField, SignalField, VectorField, unless_given
 from occontrol.core.signal import Signal, as_signal
+from occontrol.core.state_labels import wrong_labels
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,7 @@ class UncertainPlant:
     weight : (n, n) X0, symmetric positive definite: the inverse of the initial shape
     center : (n,) x0, zero if left out
     level : d > 0
+    names, units : of the states, labels only; x1, x2, .. and none if left out
 
     Raises ProblemError naming every matrix of the wrong shape or definiteness.
     Savkin, Evans & Skafidas, equations (1), (2), (12), (15).
@@ -40,6 +43,8 @@ class UncertainPlant:
     weight: ArrayField
     center: VectorField = unless_given(None)
     level: float = 1.0
+    names: Sequence[str] = ()
+    units: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         found = Collector()
@@ -66,6 +71,7 @@ class UncertainPlant:
             mistakes.append(Mistake(("center",), "center is not finite"))
         if not (np.isfinite(self.level) and self.level > 0):
             mistakes.append(Mistake(("level",), f"level is {self.level:g}", "level > 0: the energy that is available"))
+        mistakes += wrong_labels(self.names, self.units, n)
         if mistakes:
             raise ProblemError(mistakes)
         object.__setattr__(self, "weight", (self.weight + self.weight.T) / 2)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from occontrol.core.calendar import Calendar
 from occontrol.core.checks import check_finite
 from occontrol.core.errors import Collector, Mistake
 from occontrol.core.kinds import Kept, PlainMapping, VectorField
@@ -42,6 +43,7 @@ class Problem(BaseProblem):
     samples : measurements per slot in simulated data and measurement files
     method : an options object of one of the family's methods, or None for the default
     expect : the known answer, if any
+    calendar : what the times are as dates, or None
 
     Raises ProblemError naming every mistake by its place in a problem file.
     Savkin, Evans & Skafidas, definitions 3.1-3.4.
@@ -55,6 +57,7 @@ class Problem(BaseProblem):
     samples: int = 20
     method: Method | None = None
     expect: PlainMapping | None = None
+    calendar: Calendar | None = None
     family: str = field(default="robust", init=False)
 
     def __post_init__(self) -> None:

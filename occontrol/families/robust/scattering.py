@@ -86,7 +86,7 @@ class Flow:
         self.n = A.shape[0]
         signals = [A, B, K, *self.rows]
         self.constant = all(s.constant for s in signals)
-        self.cuts = np.unique(np.concatenate([np.empty(0), *(s.breakpoints for s in signals)]))
+        self._signals = signals
         if self.constant:
             self._parts = self._sample(np.zeros(1))
         self.kinks: set[float] = set()
@@ -96,6 +96,10 @@ class Flow:
         """The size of the plant's scaled Hamiltonian (of a constant plant): 1/rate is its fastest time."""
         one, none = np.zeros(1), np.zeros((1, len(self.rows)))
         return float(max(self.exponents(one, none, self.scales(one, one, none))[1][0], 1e-300))
+
+    def cuts(self, start: float, end: float) -> np.ndarray:
+        """Times (K,), at least those between `start` and `end`, at which tables bend or formulas jump."""
+        return np.unique(np.concatenate([s.breaks(start, end) for s in self._signals]))
 
     def scaled(self, factor: float) -> Flow:
         """The same with K multiplied by a factor."""
@@ -229,9 +233,10 @@ class Flow:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Spans cut at the tables' times and so short that no piece can hold an escape from P = 0."""
         a, b, owner = [], [], []
+        cuts = self.cuts(float(np.min(starts)), float(np.max(ends)))
         for i, (s, e) in enumerate(zip(starts, ends, strict=True)):
             slack = 1e-13 * abs(e - s)
-            nodes = np.concatenate([[s], self.cuts[(self.cuts > s + slack) & (self.cuts < e - slack)], [e]])
+            nodes = np.concatenate([[s], cuts[(cuts > s + slack) & (cuts < e - slack)], [e]])
             a += list(nodes[:-1])
             b += list(nodes[1:])
             owner += [i] * (len(nodes) - 1)

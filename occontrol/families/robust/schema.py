@@ -16,20 +16,23 @@ from occontrol.families.robust.plant import UncertainPlant
 from occontrol.families.robust.problem import MOST_SLOTS, Problem
 from occontrol.files.schema.common import (
     Context,
+    DatedHorizon,
     Expect,
+    Labels,
     Matrix,
     Method,
     ProblemDocument,
     Strict,
     Vector,
     Whole,
+    dates_document,
     options_document,
     plain,
     prune,
 )
 
 
-class Horizon(Strict):
+class Horizon(DatedHorizon):
     start: float | None = None
     end: float | None = None
     slots: Whole | None = None
@@ -44,6 +47,8 @@ class Initial(Strict):
 
 
 class Plant(Strict):
+    states: Labels = None
+    units: Labels = None
     A: Matrix = Field(description="A: a list of rows")
     B: Matrix = Field(description="B: a list of rows, how the unknown input enters")
     K: Matrix = Field(description="K: a list of rows, the uncertainty output")
@@ -105,6 +110,7 @@ def build(document: Document, context: Context) -> Problem:
         samples=document.horizon.samples,
         method=method,
         expect=expect,
+        calendar=context.calendar,
     )
     if edges is None:  # what is wrong with the horizon has been said in its own words
         found.mistakes[before:] = [m for m in found.mistakes[before:] if m.path != ("horizon",)]
@@ -176,9 +182,10 @@ def _plant(document: Document, context: Context) -> UncertainPlant:
     center = entry.initial.center
     parts["center"] = None if center is None else context.vector(center, "plant", "initial", "center")
     parts["level"] = entry.initial.level
+    parts["names"], parts["units"] = tuple(entry.states or ()), tuple(entry.units or ())
     n = _states(parts, document)
     stand_in: PlainDict = {"A": np.zeros((n, n)), "B": np.zeros((n, 1)), "K": np.zeros((1, n))}
-    stand_in |= {"weight": np.eye(n), "center": None, "level": 1.0}
+    stand_in |= {"weight": np.eye(n), "center": None, "level": 1.0, "names": (), "units": ()}
     values = {key: stand_in[key] if value is None else value for key, value in parts.items()}
     known = len(context.found.mistakes)
     plant = context.attempt(UncertainPlant, "plant", **values)
@@ -186,7 +193,7 @@ def _plant(document: Document, context: Context) -> UncertainPlant:
         fresh = context.found.mistakes[known:]
         initial: dict[Path, Path] = {("plant", key): ("plant", "initial", key) for key in ("weight", "center", "level")}
         context.found.mistakes[known:] = [m.moved(initial.get(m.path[:2], m.path[:2])) for m in fresh]
-        bad = {m.path[1] for m in fresh if len(m.path) > 1}
+        bad = {"names" if m.path[1] == "states" else m.path[1] for m in fresh if len(m.path) > 1}
         plant = UncertainPlant(**{key: stand_in[key] if key in bad else value for key, value in values.items()})
     return plant
 
@@ -222,6 +229,7 @@ def document(problem: Problem) -> PlainDict:
     problem : Problem
     """
     p = problem.plant
+    labels = prune({"states": list(p.names) or None, "units": list(p.units) or None})
     initial = {"center": p.center.tolist(), "weight": p.weight.tolist(), "level": p.level}
     content = {
         "family": "robust",
@@ -230,8 +238,9 @@ def document(problem: Problem) -> PlainDict:
             "start": float(problem.edges[0]),
             "switch_times": problem.edges.tolist(),
             "samples": int(problem.samples),
+            **dates_document(problem),
         },
-        "plant": {"A": p.A.document(), "B": p.B.document(), "K": p.K.document(), "initial": initial},
+        "plant": {**labels, "A": p.A.document(), "B": p.B.document(), "K": p.K.document(), "initial": initial},
         "sensors": [IDLE if s.is_idle else {"name": s.name, "C": s.C.document()} for s in problem.sensors],
         "size": plain(problem.size),
         "method": options_document(problem.method),

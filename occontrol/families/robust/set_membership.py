@@ -74,9 +74,8 @@ class _Shifted(Signal):
     def constant(self) -> bool:  # type: ignore[override]
         return self.base.constant
 
-    @property
-    def breakpoints(self) -> np.ndarray:
-        return self.base.breakpoints
+    def breaks(self, start: float, end: float) -> np.ndarray:
+        return self.base.breaks(start, end)
 
     def sample(self, times: np.ndarray) -> np.ndarray:
         M = self.base.sample(times)

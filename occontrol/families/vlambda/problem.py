@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from occontrol.core.calendar import Calendar
 from occontrol.core.checks import check_covariance, check_covariance_signal, check_finite
 from occontrol.core.errors import Collector, Mistake, plural
 from occontrol.core.kinds import Kept, PlainMapping, VectorField, unless_given
@@ -40,6 +41,7 @@ class Problem(BaseProblem):
     scales : (n,) size of one unit of each state: eigenvalues and traces are those of P_ij / (s_i s_j)
     method : an object of one of METHODS (methods.py), or None for the default
     expect : the known answer, if any
+    calendar : what k = 0 is as a date, and what one step takes, or None
 
     Raises ProblemError naming every mistake by its place in a problem file.
     Oshman (1994), equations (1), (2) and remarks 1, 3, 5.
@@ -55,6 +57,7 @@ class Problem(BaseProblem):
     scales: VectorField = unless_given(None)
     method: Rule | Optimal | None = None
     expect: PlainMapping | None = None
+    calendar: Calendar | None = None
     family: str = field(default="vlambda", init=False)
 
     def __post_init__(self) -> None:

@@ -16,6 +16,7 @@ from occontrol.families.vlambda.problem import CRITERIA, Problem
 from occontrol.families.vlambda.sensor import DiscreteSensor, LocatedMatrix, Region
 from occontrol.files.schema.common import (
     Context,
+    DatedHorizon,
     Expect,
     Labels,
     Matrix,
@@ -24,13 +25,14 @@ from occontrol.files.schema.common import (
     Strict,
     Vector,
     Whole,
+    dates_document,
     options_document,
     plain,
     prune,
 )
 
 
-class Horizon(Strict):
+class Horizon(DatedHorizon):
     steps: Whole = Field(description="steps: how many k there are")
     epoch: Whole = 1
 
@@ -122,6 +124,7 @@ def build(document: Document, context: Context) -> Problem:
         scales=scales,
         method=method,
         expect=expect,
+        calendar=context.calendar,
     )
     found.raise_if_any()
     return problem
@@ -196,7 +199,7 @@ def document(problem: Problem) -> PlainDict:
     result = {
         "family": "vlambda",
         "name": problem.name,
-        "horizon": {"steps": problem.steps, "epoch": problem.epoch},
+        "horizon": {"steps": problem.steps, "epoch": problem.epoch, **dates_document(problem)},
         "plant": prune(
             {
                 "states": list(plant.names) or None,

@@ -11,6 +11,7 @@ import numpy as np
 
 from occontrol.core.errors import Collector, Mistake, ProblemError, plural
 from occontrol.core.expression import parse_expression
+from occontrol.core.jumps import require_still
 from occontrol.core.kinds import CasadiFunction, Kept, MatrixLike, Plain
 from occontrol.core.signal import Signal, as_signal
 
@@ -42,7 +43,7 @@ class LocatedMatrix:
             for j, entry in enumerate(rows[-1]):
                 with found.under(i, j):
                     if isinstance(entry, str):
-                        parse_expression(entry, self.variables)
+                        require_still(parse_expression(entry, self.variables))
                     elif not np.isfinite(entry):
                         raise ProblemError(Mistake((), "the matrix holds a value that is not finite"))
         if len({len(row) for row in rows}) > 1:
@@ -125,7 +126,7 @@ class Region:
         variables = ("k", *(f"p{i + 1}" for i in range(len(bounds))))
         for i, text in enumerate(self.constraints):
             with found.under("constraints", i):
-                parse_expression(text, variables)
+                require_still(parse_expression(text, variables))
         found.raise_if_any()
 
     @property

@@ -62,7 +62,9 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
 
 
 def _dated(record: dict, calendar: Calendar) -> dict:
-    """A segment with the dates of its start and end."""
+    """A segment with the dates of its start and end; a choice at a step with that of the step."""
+    if "start" not in record:
+        return {**record, "utc": calendar.utc(record["k"])} if "k" in record else record
     return {**record, "utc": calendar.utc(record["start"]), "utc_end": calendar.utc(record["end"])}
 
 

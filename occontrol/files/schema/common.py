@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError, WithJsonSchema
 
-from occontrol.core.calendar import Calendar
+from occontrol.core.calendar import Calendar, calendar_of
 from occontrol.core.errors import Collector, Path
 from occontrol.core.kinds import Plain, PlainDict
 from occontrol.core.signal import Signal
@@ -87,6 +87,17 @@ class DatedHorizon(Strict):
 
     date: str | None = Field(None, description="date: what t = 0 is, such as 2026-01-01T00:00:00Z")
     unit: Literal["s", "min", "h", "d"] | None = Field(None, description="unit: what t counts: s, min, h or d")
+
+
+def dates_document(problem: object) -> PlainDict:
+    """The keys of `horizon` that say what times are as dates; none where they are numbers alone.
+
+    Parameters
+    ----------
+    problem : of any family
+    """
+    calendar = calendar_of(problem)
+    return {} if calendar is None else calendar.document()
 
 
 class Context:

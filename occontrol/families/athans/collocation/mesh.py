@@ -87,12 +87,13 @@ def coarse_breaks(problem: SchedulingProblem) -> np.ndarray:
     A finely tabulated smooth function bends a little at every breakpoint; elements across such kinks are accurate
     enough, or are cut later because the simulation of the policy says so.
     """
-    return np.unique(np.concatenate([np.empty(0), *[_corners(signal) for signal in problem.signals.values()]]))
+    ends = float(problem.edges[0]), float(problem.edges[-1])
+    return np.unique(np.concatenate([np.empty(0), *[_corners(s, *ends) for s in problem.signals.values()]]))
 
 
-def _corners(signal: Signal) -> np.ndarray:
+def _corners(signal: Signal, start: float, end: float) -> np.ndarray:
     if not isinstance(signal, TableSignal) or signal.interpolation != "linear" or len(signal.times) < 2:
-        return signal.breakpoints
+        return signal.breaks(start, end)
     steps = np.diff(signal.times)
     slopes = np.diff(signal.values, axis=0) / steps[:, None, None]
     bends = np.abs(np.diff(slopes, axis=0)) * np.minimum(steps[1:], steps[:-1])[:, None, None]

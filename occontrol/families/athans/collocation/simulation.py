@@ -26,8 +26,9 @@ class Data:
         self.problem, self.n = problem, problem.states
         plant = problem.plant
         signals = [plant.A, plant.noise, *[x for s in problem.sensors for x in (s.C, s.noise)]]
-        self._kinks = [np.union1d(plant.A.breakpoints, plant.noise.breakpoints)]
-        self._kinks += [np.union1d(s.C.breakpoints, s.noise.breakpoints) for s in problem.sensors]
+        ends = float(problem.edges[0]), float(problem.edges[-1])
+        self._kinks = [np.union1d(plant.A.breaks(*ends), plant.noise.breaks(*ends))]
+        self._kinks += [np.union1d(s.C.breaks(*ends), s.noise.breaks(*ends)) for s in problem.sensors]
         self._fixed = self._rates(np.zeros(1))[0] if all(s.constant for s in signals[2:]) else None
         self._plant = (plant.A.at(0.0), plant.noise.at(0.0)) if all(s.constant for s in signals[:2]) else None
 
@@ -136,7 +137,7 @@ def terminal_weight(problem: SchedulingProblem) -> np.ndarray:
     n, end, later = problem.states, float(problem.edges[-1]), float(problem.predict_at or 0.0)
     phi = np.eye(n)
     if later > end:
-        breaks = problem.plant.A.breakpoints
+        breaks = problem.plant.A.breaks(end, later)
         points = np.unique([end, *breaks[(breaks > end) & (breaks < later)], later])
         for a, b in itertools.pairwise(points):
 

@@ -109,7 +109,8 @@ class PolicyData:
     def breaks(self) -> Panels:
         """One panel between any two neighbouring breaks."""
         start, end = self.edges[0], self.edges[-1]
-        inner = [s.breakpoints for s in self.problem.signals.values()]
+        ends = self.origin, self.origin + float(end)
+        inner = [s.breaks(*ends) for p, s in self.problem.signals.items() if p != ("objective", "output")]
         inner += [np.ravel(np.asarray(s.windows)) for s in self.problem.sensors if s.windows]
         # what a formula does between the nodes would be missed: Gauss points are few
         signals = [s for s in self.problem.signals.values() if s.shape[0]]

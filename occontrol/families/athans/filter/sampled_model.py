@@ -124,9 +124,8 @@ class _Augmented(Signal):
             row += sensor.rows
         return value
 
-    @property
-    def breakpoints(self) -> np.ndarray:
-        return np.unique(np.concatenate([s.breakpoints for s in self._signals]))
+    def breaks(self, start: float, end: float) -> np.ndarray:
+        return np.unique(np.concatenate([s.breaks(start, end) for s in self._signals]))
 
 
 class _Padded(Signal):
@@ -141,9 +140,8 @@ class _Padded(Signal):
         value[:, :n, :n] = self.noise.sample(times)
         return value
 
-    @property
-    def breakpoints(self) -> np.ndarray:
-        return self.noise.breakpoints
+    def breaks(self, start: float, end: float) -> np.ndarray:
+        return self.noise.breaks(start, end)
 
 
 def driven_transitions(

@@ -7,20 +7,26 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from occontrol.core.clock import nearest_edge, tolerance
-from occontrol.core.errors import Mistake
+from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.sensor import Sensor
-from occontrol.core.signal import Signal, TableSignal
+from occontrol.core.signal import ExpressionSignal, Signal, TableSignal
 
 WINDOW, JUMP = "window of {} {}", "jump of {}"
 
 
-def jumps(signal: Signal) -> np.ndarray:
-    """Times (K,) at which a held table takes another value.
+def jumps(signal: Signal, start: float, end: float) -> np.ndarray:
+    """Times (K,) at which a held table takes another value, or a formula jumps.
 
     Parameters
     ----------
     signal : Signal
+    start, end : of the horizon
     """
+    if isinstance(signal, ExpressionSignal):
+        try:
+            return signal.breaks(start, end)
+        except ProblemError:  # whoever checks its values says so
+            return np.empty(0)
     if not isinstance(signal, TableSignal) or signal.interpolation != "previous":
         return np.empty(0)
     changed = np.any(np.diff(signal.values, axis=0) != 0, axis=(1, 2))
@@ -40,12 +46,13 @@ def fitted_edges(
     windows, tables : whether ends of windows, and jumps of tables, become edges
     """
     wanted: list[tuple[float, str]] = []
+    ends = float(edges[0]), float(edges[-1])
     for sensor in sensors if windows else ():
         for start, end in sensor.windows or ():
             wanted += [(start, WINDOW.format(sensor.name, "begins")), (end, WINDOW.format(sensor.name, "ends"))]
     for path, signal in signals.items() if tables else ():
         name = ".".join(str(part + 1 if isinstance(part, int) else part) for part in path)
-        wanted += [(float(t), JUMP.format(name)) for t in jumps(signal)]
+        wanted += [(float(t), JUMP.format(name)) for t in jumps(signal, *ends)]
     added: list[tuple[float, str]] = []
     for time, why in sorted(w for w in wanted if edges[0] < w[0] < edges[-1]):
         if not nearest_edge(np.array([time]), edges)[1][0]:

@@ -15,6 +15,7 @@ from occontrol.core.signal import ExpressionSignal, Signal, TableSignal
 BEND = 0.01
 LEVELS = 16
 MOST_CELLS = 20_000
+ASIDE = 1e-10  # of the horizon, from which a known jump is looked at
 
 
 def samples(signal: Signal, origin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
@@ -28,6 +29,11 @@ def samples(signal: Signal, origin: float, end: float) -> tuple[np.ndarray, np.n
 
     Returns times (K,) increasing, both ends included, and values (K, r, c).
     """
+    return _looked(signal, origin, end)[:2]
+
+
+def _looked(signal: Signal, origin: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same, and how often each of the K - 1 cells between the times was halved."""
     if signal.constant:
         times = np.array([0.0, end])
     elif isinstance(signal, TableSignal):
@@ -35,10 +41,16 @@ def samples(signal: Signal, origin: float, end: float) -> tuple[np.ndarray, np.n
         times = np.concatenate([[0.0], inside[(inside > 0) & (inside < end)], [end]])
     else:
         times = np.linspace(0.0, end, SAMPLES_BETWEEN)
+    breaks = np.empty(0)
+    if isinstance(signal, ExpressionSignal):  # a known jump is seen from both sides, and nothing is halved around it
+        breaks = _inside(signal, origin, end)
+        sides = np.concatenate([breaks - end * ASIDE, breaks + end * ASIDE])
+        times = np.union1d(times[~_beside(times, breaks, end)], sides)
     values = signal.sample(origin + times)
+    halved = np.zeros(len(times) - 1, dtype=np.int64)
     if not isinstance(signal, ExpressionSignal):
-        return times, values
-    busy = np.arange(len(times) - 1)
+        return times, values, halved
+    busy = np.flatnonzero(~_beside((times[1:] + times[:-1]) / 2, breaks, end))
     for _ in range(LEVELS):
         middle = (times[busy] + times[busy + 1]) / 2
         between = signal.sample(origin + middle)
@@ -49,10 +61,27 @@ def samples(signal: Signal, origin: float, end: float) -> tuple[np.ndarray, np.n
             break
         at = busy[cut] + 1
         times, values = np.insert(times, at, middle[cut]), np.insert(values, at, between[cut], axis=0)
+        halved[busy[cut]] += 1
+        halved = np.insert(halved, at, halved[busy[cut]])
         # both halves of the cells that were cut are looked at again
         first = busy[cut] + np.arange(len(at))
         busy = np.sort(np.concatenate([first, first + 1]))
-    return times, values
+    return times, values, halved
+
+
+def _inside(signal: Signal, origin: float, end: float) -> np.ndarray:
+    """Jumps of a formula well inside the horizon, since `origin`."""
+    breaks = signal.breaks(origin, origin + end) - origin
+    return breaks[(breaks > 2 * ASIDE * end) & (breaks < (1 - 2 * ASIDE) * end)]
+
+
+def _beside(times: np.ndarray, breaks: np.ndarray, end: float) -> np.ndarray:
+    """(K,) whether times lie at one of the breaks, or as near as it is looked at."""
+    if not len(breaks):
+        return np.zeros(len(times), dtype=bool)
+    right = np.clip(np.searchsorted(breaks, times), 0, len(breaks) - 1)
+    nearest = np.minimum(np.abs(breaks[right] - times), np.abs(breaks[np.maximum(right - 1, 0)] - times))
+    return nearest <= 1.5 * ASIDE * end
 
 
 def features(signal: Signal, origin: float, end: float) -> np.ndarray:
@@ -65,27 +94,44 @@ def features(signal: Signal, origin: float, end: float) -> np.ndarray:
     """
     if not isinstance(signal, ExpressionSignal):
         return np.empty(0)
-    times, _ = samples(signal, origin, end)
-    if len(times) == SAMPLES_BETWEEN:
-        return np.empty(0)
-    short = np.diff(times) < 0.75 * end / (SAMPLES_BETWEEN - 1)
-    return times[np.append(short, False) | np.insert(short, 0, False)]
+    times, _, halved = _looked(signal, origin, end)
+    short = halved > 0
+    times = times[np.append(short, False) | np.insert(short, 0, False)]
+    return times[~_beside(times, _inside(signal, origin, end), end)]
 
 
-def varies_between(times: np.ndarray, values: np.ndarray, at_edges: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def sided(signal: Signal, origin: float, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values (K, r, c) where K spans begin and where they end; just inside where the signal is known to jump.
+
+    Parameters
+    ----------
+    signal : (r, c) Signal
+    origin : start of the horizon
+    edges : (K+1,) the ends of the spans, since the origin
+    """
+    if not (isinstance(signal, ExpressionSignal) and len(_inside(signal, origin, float(edges[-1])))):
+        values = signal.sample(origin + edges)
+        return values[:-1], values[1:]
+    aside = ASIDE * float(edges[-1])
+    return signal.sample(origin + edges[:-1] + aside), signal.sample(origin + edges[1:] - aside)
+
+
+def varies_between(
+    times: np.ndarray, values: np.ndarray, begins: np.ndarray, ends: np.ndarray, edges: np.ndarray
+) -> np.ndarray:
     """(K,) whether a signal leaves the line between the ends of a span by more than 2 BEND of its largest value.
 
     Parameters
     ----------
     times, values : (L,) and (L, r, c) from `samples`
-    at_edges : (K+1, r, c) its values at the ends of the spans
+    begins, ends : (K, r, c) its values just inside the spans, where each begins and ends
     edges : (K+1,) the ends, since the origin
     """
     found = np.zeros(len(edges) - 1, dtype=bool)
     scale = np.max(np.abs(values), axis=0)
     span = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(found) - 1)
     share = ((times - edges[span]) / (edges[span + 1] - edges[span]))[:, None, None]
-    line = at_edges[span] * (1 - share) + at_edges[span + 1] * share
+    line = begins[span] * (1 - share) + ends[span] * share
     off = np.any(np.abs(values - line) > 2 * BEND * np.where(scale > 0, scale, 1.0), axis=(1, 2))
     found[span[off]] = True
     return found

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occontrol.families.athans.integration.features import samples, varies_between
+from occontrol.families.athans.integration.features import samples, sided, varies_between
 from occontrol.families.athans.problem import SchedulingProblem
 
 MOST_IN_INTERVAL = 64
@@ -153,7 +153,7 @@ def first_mesh(problem: SchedulingProblem, rows: np.ndarray) -> Mesh:
         depth = np.zeros(len(mesh), dtype=np.int64)
         nodes = mesh.nodes
         for signal, times, values in looked:
-            busy = varies_between(times, values, signal.sample(origin + nodes), nodes)
+            busy = varies_between(times, values, *sided(signal, origin, nodes), nodes)
             depth |= busy & (mesh.counts[mesh.owner] < MOST_IN_INTERVAL)
         if not np.any(depth):
             break

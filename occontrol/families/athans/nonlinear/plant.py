@@ -16,7 +16,9 @@ import numpy as np
 
 from occontrol.core.checks import check_covariance, check_shape
 from occontrol.core.errors import Collector, Mistake, plural
+from occontrol.core.expression import parse_expression
 from occontrol.core.formulas import Compiled, check_formulas, stack_formulas
+from occontrol.core.jumps import require_still
 from occontrol.core.kinds import ArrayField, Casadi, CasadiFunction, OptionalSignalField, VectorField, unless_given
 from occontrol.core.signal import as_signal
 from occontrol.core.state_labels import default_names, wrong_name
@@ -101,6 +103,9 @@ class FormulaPlant(Compiled):
         if self.nominal is not None:
             with found.under("nominal"):
                 set_(self, "nominal", as_signal(self.nominal, self.variable))
+                for row in getattr(self.nominal, "entries", ()):
+                    for entry in row:
+                        require_still(parse_expression(str(entry), (self.variable,)))
             n = len(self.names)
             shape = getattr(self.nominal, "shape", (n, 1))
             found.mistakes += check_shape("nominal", shape, n, 1, ("nominal",), "one column, one entry per state")

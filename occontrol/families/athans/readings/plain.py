@@ -172,9 +172,8 @@ def _integrated(problem: ReadingsProblem, starts: np.ndarray, ends: np.ndarray, 
 
 def _one_gap(problem: ReadingsProblem, a: float, b: float, parts: int, origin: float, charged: bool):
     n = problem.states
-    inner = [s.breakpoints for s in (problem.plant.A, problem.plant.noise)]
-    inner += [cast(Signal, problem.running).breakpoints] if charged else []
-    inner = np.concatenate(inner) - origin
+    moving = [problem.plant.A, problem.plant.noise, *([cast(Signal, problem.running)] if charged else [])]
+    inner = np.concatenate([s.breaks(origin + a, origin + b) for s in moving]) - origin
     cuts = np.union1d(np.linspace(a, b, parts + 1), inner[(inner > a) & (inner < b)])
     Phi, Q, M, c = np.eye(n), np.zeros((n, n)), np.zeros((n, n)), 0.0
     for left, right in pairwise(cuts):

@@ -76,7 +76,7 @@ def _one(plant: LinearPlant, running: Signal, a: float, b: float, origin: float)
         for _ in range(doublings):
             found = _after(found, found)
         return found
-    inner = np.concatenate([s.breakpoints for s in (plant.A, plant.noise, running)]) - origin
+    inner = np.concatenate([s.breaks(origin + a, origin + b) for s in (plant.A, plant.noise, running)]) - origin
     inner = np.unique(inner[(inner > a) & (inner < b)])
     before = None
     for _ in range(JOINED):

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.core.checks import check_covariance, check_shape
+from occontrol.core.clock import nearest_edge
 from occontrol.core.errors import Path, plural
+from occontrol.core.expression import parse_expression
+from occontrol.core.jumps import deciding, jump_times
 from occontrol.core.signal import Signal
 from occontrol.families.athans.targets.formulas import evaluate, in_time, uses
 from occontrol.families.athans.targets.tables import Columns
@@ -75,10 +78,29 @@ class MatrixColumns:
         if rows is None:
             return None
         moving = "t" in uses(rows, ("t", *columns))
-        if moving and self._moves(path):
+        if moving and (self._moves(path) or self._jumps_inside(rows, path, columns)):
             return None
         values = evaluate(rows, columns, self.times.middle if moving else None)
         return self._finite(np.broadcast_to(values, (S, *values.shape[1:])), path)
+
+    def _jumps_inside(self, rows: list[list[float | str]], path: Path, columns: Columns) -> bool:
+        """Whether a formula jumps inside an interval, over which looks are held; noted."""
+        edges, hint = self.times.edges, "jumps in time stand at edges of the horizon, the same for all targets"
+        for text in (entry for row in rows for entry in row if isinstance(entry, str)):
+            for own, names in deciding(parse_expression(text, ("t", *columns))):
+                if "t" not in names:
+                    continue
+                others, what = sorted(names - {"t"}), ""
+                if others:
+                    what = f"compares t with the column '{others[0]}'"
+                else:
+                    times = jump_times(own, "t", float(edges[0]), float(edges[-1]))
+                    inside = times[~nearest_edge(times, edges)[1]] if len(times) else times
+                    what = f"jumps at t = {inside[0]:.9g}, inside an interval" if len(inside) else ""
+                if what:
+                    self.found.add(path, f"{self.context.name(path)} {what}", hint)
+                    return True
+        return False
 
     def require_square(self, value: np.ndarray | Signal, path: Path, n: int, covariance: bool = False) -> None:
         """Note where `value` (G, n, n), or a Signal, has another shape or is no covariance; at `path`."""
