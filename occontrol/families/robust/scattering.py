@@ -84,9 +84,8 @@ class Flow:
     def __init__(self, A: Signal, B: Signal, K: Signal, rows: Sequence[Signal] = (), gain: float = 1.0):
         self.A, self.B, self.K, self.rows, self.gain = A, B, K, tuple(rows), gain
         self.n = A.shape[0]
-        signals = [A, B, K, *self.rows]
-        self.constant = all(s.constant for s in signals)
-        self._signals = signals
+        self._signals = [A, B, K, *self.rows]
+        self.constant = all(s.constant for s in self._signals)
         if self.constant:
             self._parts = self._sample(np.zeros(1))
         self.kinks: set[float] = set()
@@ -236,9 +235,8 @@ class Flow:
         cuts = self.cuts(float(np.min(starts)), float(np.max(ends)))
         for i, (s, e) in enumerate(zip(starts, ends, strict=True)):
             slack = 1e-13 * abs(e - s)
-            nodes = np.concatenate([[s], cuts[(cuts > s + slack) & (cuts < e - slack)], [e]])
-            a += list(nodes[:-1])
-            b += list(nodes[1:])
+            nodes = [s, *cuts[(cuts > s + slack) & (cuts < e - slack)], e]
+            a, b = [*a, *nodes[:-1]], [*b, *nodes[1:]]
             owner += [i] * (len(nodes) - 1)
         a, b, owner = np.array(a), np.array(b), np.array(owner, dtype=int)
         while True:
