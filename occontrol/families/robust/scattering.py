@@ -83,8 +83,7 @@ class Flow:
 
     def __init__(self, A: Signal, B: Signal, K: Signal, rows: Sequence[Signal] = (), gain: float = 1.0):
         self.A, self.B, self.K, self.rows, self.gain = A, B, K, tuple(rows), gain
-        self.n = A.shape[0]
-        self._signals = [A, B, K, *self.rows]
+        self.n, self._signals = A.shape[0], [A, B, K, *self.rows]
         self.constant = all(s.constant for s in self._signals)
         if self.constant:
             self._parts = self._sample(np.zeros(1))
