@@ -24,7 +24,7 @@ class Enclosure:
 
     Parameters
     ----------
-    value : (low, high), each (K,)
+    value : (low, high), each (K,), in the unit of what the formula stands for
     slope : (low, high), each (K,), per unit of time
     """
 

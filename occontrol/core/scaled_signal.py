@@ -36,6 +36,7 @@ class ScaledSignal(Signal):
         return self.inner.constant
 
     def breaks(self, start: float, end: float) -> np.ndarray:
+        """Jumps and bends (K,), at least those between `start` and `end`, all in the unit of time."""
         return self.inner.breaks(start, end)
 
     def at(self, t: float) -> np.ndarray:

@@ -37,7 +37,7 @@ class Signal:
         raise NotImplementedError
 
     def breaks(self, start: float, end: float) -> np.ndarray:
-        """Times (K,), at least those between `start` and `end`, at which the signal, or a table's slope, may jump."""
+        """Jumps and bends (K,), at least those between `start` and `end`, all in the unit of time."""
         return np.empty(0)
 
     def document(self) -> Plain:
@@ -121,7 +121,7 @@ class ExpressionSignal(Signal):
         return tuple(text for text in texts if conditions(parse_expression(text, (self.variable,))))
 
     def breaks(self, start: float, end: float) -> np.ndarray:
-        """Times (K,) between `start` and `end` at which an entry may jump; ProblemError where they cannot be told."""
+        """Jumps (K,) between `start` and `end`, in the unit of time; ProblemError where they cannot be told."""
         if not self._jumping or self.variable != "t":
             return np.empty(0)
         return np.unique(np.concatenate([jump_times(text, "t", start, end) for text in self._jumping]))
@@ -187,6 +187,7 @@ class TableSignal(Signal):
         return self.values.shape[1:]  # type: ignore[return-value]
 
     def breaks(self, start: float, end: float) -> np.ndarray:
+        """Jumps and bends (K,), at least those between `start` and `end`, all in the unit of time."""
         return self.times
 
     def covers(self, start: float, end: float) -> bool:
