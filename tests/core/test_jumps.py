@@ -45,7 +45,8 @@ def test_values_and_slopes_lie_in_their_enclosures(text: str, low: float, width:
     behind, before = (np.array(function((times + h).reshape(1, -1))[0]).ravel() for h in (1e-7, -1e-7))
     # at a kink there is no slope, whatever the derivative of min(t, 0) at 0 is said to be
     with np.errstate(invalid="ignore"):
-        slopes[~(np.abs((behind - before) / 2e-7 - slopes) < 1e-3 * (1 + np.abs(slopes)))] = np.nan
+        for side in ((behind - values) / 1e-7, (values - before) / 1e-7):
+            slopes[~(np.abs(side - slopes) < 1e-3 * (1 + np.abs(slopes)))] = np.nan
     bounds = enclose(expression.tree, times[:1], times[-1:], CONSTANTS)
     for seen, (bottom, top) in ((values, bounds.value), (slopes, bounds.slope)):
         seen = seen[np.isfinite(seen)]
