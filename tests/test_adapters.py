@@ -107,7 +107,7 @@ def test_a_library_that_is_missing_is_named(
 
 
 def test_notebooks_and_consoles_see_a_line_and_a_table(solution: oc.Solution) -> None:
-    assert repr(solution).startswith("<athans certified cost 1.2123 bound 1.2123 gap ") and "\n" not in repr(solution)
+    assert repr(solution).startswith("<athans certified cost 1.2123 bound 1.2122 gap ") and "\n" not in repr(solution)
     html = solution._repr_html_()
     assert html.startswith("<table>") and "1.2122746" in html and "<script" not in html
 

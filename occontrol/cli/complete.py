@@ -45,9 +45,9 @@ def complete_example(ctx: typer.Context) -> Iterable[str]:
 @_quiet
 def complete_format(ctx: typer.Context) -> Iterable[str]:
     """The formats of `export`."""
-    from occontrol.files.export import FORMATS
+    from occontrol.files.export import FORMATS, TARGETS
 
-    return FORMATS
+    return [*FORMATS, *TARGETS]
 
 
 @_quiet

@@ -103,7 +103,7 @@ def test_schema_prints_what_is_shipped_for_one_family_and_for_all(capsys: Captur
     [
         ("occontrol ", {"solve", "init", "schema", "export"}),
         ("occontrol init ro", {"robust"}),
-        ("occontrol export x --to ", {"csv", "json", "npz", "mat", "c"}),
+        ("occontrol export x --to ", {"flight", "fmu", "csv", "json", "npz", "mat", "c"}),
         ("occontrol solve x.yaml --method gre", {"greedy"}),
         ("occontrol solve h.yaml --method ", {"scheduled", "fixed", "alternate", "random"}),
         ("occontrol show ", {"runs/mine"}),
