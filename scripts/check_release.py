@@ -34,11 +34,11 @@ SHORT = ("scalar_on_off", "reactor_assays", "five_targets", "robust_oscillator",
 LOWEST_TESTS = ("tests/core", "tests/cli/test_writing_commands.py", "tests/test_public_names.py")
 
 
-def run(*command: object, cwd: Path | None = None, **more: str) -> str:
-    """Standard output of a command; a failure ends the check with what it printed."""
+def run(*command: object, cwd: Path | None = None, code: int = 0, **more: str) -> str:
+    """Standard output of a command; another exit code than `code` ends the check with what it printed."""
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | more
     done = subprocess.run([str(c) for c in command], cwd=cwd, env=environment, capture_output=True, text=True)
-    if done.returncode:
+    if done.returncode != code:
         print(done.stdout[-3000:], done.stderr[-3000:], sep="\n", file=sys.stderr)
         sys.exit(f"failed with {done.returncode}: {' '.join(map(str, command))}")
     return done.stdout
@@ -166,7 +166,7 @@ def gallery() -> None:
     names = sorted(Path(f).stem for f in committed() if re.fullmatch(r"problems/[^/]+\.yaml", f))
     for name in names:
         run(python, "-m", "occontrol", "init", "--example", name, cwd=folder)
-        run(python, "-m", "occontrol", "check", f"{name}.yaml", cwd=folder)
+        run(python, "-m", "occontrol", "check", f"{name}.yaml", cwd=folder, code=4 if name == "robust_escape" else 0)
     for name in SHORT:
         run(python, "-m", "occontrol", "solve", f"{name}.yaml", "--no-figures", cwd=folder)
         files = (folder / "runs" / name / file for file in ("problem.json", "result.json"))
