@@ -20,7 +20,7 @@ def flow(plant, a, b, pieces, memory):
         if key not in memory:
             memory[key] = _exponential(plant.A.at(0.0), plant.noise.at(0.0), b - a)
         return memory[key]
-    cuts = np.union1d(plant.A.breakpoints, plant.noise.breakpoints)
+    cuts = np.union1d(plant.A.breaks(a, b), plant.noise.breaks(a, b))
     nodes = np.concatenate([[a], cuts[(cuts > a + 1e-9) & (cuts < b - 1e-9)], [b]])
     F, Q = np.eye(n), np.zeros((n, n))
     for u, v in pairwise(nodes):

@@ -23,6 +23,7 @@ from occontrol.files.run_record import PROVENANCE
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "campaign_faults.py"
 
 
+@pytest.mark.slow
 def test_a_short_campaign_of_faults() -> None:
     """In a process of its own: the campaign also looks at the memory that it took."""
     counts = ["--kills", "6", "--contests", "1", "--starts", "1", "--signals", "0", "--mutants", "40"]

@@ -31,6 +31,7 @@ def test_athans_in_detail():
     assert [form["$ref"].rpartition("/")[2] for form in whole["anyOf"]] == [
         "Document", "StepsDocument", "SamplesDocument",
         "FormulaDocument", "FormulaStepsDocument", "FormulaSamplesDocument", "TargetsDocument",
+        "EndlessTargetsDocument",
         "EndlessStepsDocument", "EndlessContinuousDocument",
     ]  # fmt: skip
     assert set(schema["required"]) == {"family", "horizon", "plant", "sensors", "objective"}

@@ -47,7 +47,7 @@ def judge(problem, schedule, rtol=1e-12):
         dS = A @ S + S @ A.T + plant.noise.at(t) - S @ L @ S
         return np.concatenate([dS.ravel(), [np.trace(R(t) @ S), costs(t) @ v]])
 
-    inner = [s.breakpoints for s in problem.signals.values()]
+    inner = [s.breaks(t0, end) for s in problem.signals.values()]
     breaks = np.unique(np.clip(np.concatenate([schedule.edges, *inner]), t0, end))
     policy = lambda a, b: schedule.weights[np.searchsorted(schedule.edges, (a + b) / 2) - 1]  # noqa: E731
     y, pieces = np.concatenate([plant.covariance.ravel(), [0.0, 0.0]]), []

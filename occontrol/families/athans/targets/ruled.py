@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from occontrol.core.errors import Mistake, ProblemError
 from occontrol.core.method import Method
@@ -58,6 +57,8 @@ def as_one_plant(problem: TargetsProblem, rules: LookRules, method: Method | Non
 
     Raises ProblemError where rules on looks make no sense: see `_mistakes`.
     """
+    from scipy.linalg import block_diag
+
     if found := _mistakes(problem, rules):
         raise ProblemError(found)
     resource, n, step = problem.resources[0], problem.states, float(problem.steps[0])

@@ -68,6 +68,7 @@ def enumerated(problem, longest: int) -> float:
     return best
 
 
+@pytest.mark.slow
 def test_three_targets_have_the_best_cycle_and_a_bound_below_it(solved) -> None:
     problem, solution = solved
     best = enumerated(problem, 5)

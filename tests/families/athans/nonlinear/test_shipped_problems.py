@@ -119,6 +119,7 @@ def test_a_shipped_problem_meets_what_it_expects_and_a_plain_filter(name, solved
         assert error[moved] @ np.linalg.solve(P, error[moved]) < 5 * moved.sum()
 
 
+@pytest.mark.slow
 def test_the_plan_that_waits_is_warned_of(solved):
     """Right for the linearised problem, useless for the plant: the index says so, and simulated filters do, too."""
     solution = solved("orbit_idle_then_measure")

@@ -30,6 +30,7 @@ def test_the_radar_looks_near_inside_its_sector_only():
     assert near and all(12 <= k <= 32 for k in near)
 
 
+@pytest.mark.slow
 def test_six_assays_whichever():
     solution = solve(read_problem("problems/reactor_assays.yaml"))
     real = solution.schedule.weights[:, :2]

@@ -159,7 +159,8 @@ def test_the_plan_after_a_change_is_that_of_the_rest_posed_anew(tmp_path: Path) 
     rest = {"steps:_9": "steps: 6", "0.1*k": "0.1*(k+3)", "cost:_0.1": "cost: 0.6"}
     _, again = solved(tmp_path, **rest, **{"{diag:_[25,_4]}": str(P.tolist())})
     assert made.lower_bound <= again.cost * (1 + 1e-9)
-    assert again.lower_bound <= made.cost * (1 + 1e-9) <= 1.02 * again.cost
+    # a plan on the way is rounded and exchanged, the rest posed anew is searched
+    assert again.numbers.lower_bound <= made.cost * (1 + 1e-9) <= 1.05 * again.cost
 
 
 def test_what_cannot_go_on_is_said(tmp_path: Path) -> None:
