@@ -101,7 +101,7 @@ def plain_cost(problem, weights):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES[:-1], pytest.param(NAMES[-1], marks=pytest.mark.slow)])
 def test_a_shipped_problem_meets_what_it_expects_and_a_plain_filter(name, solved):
     solution = solved(name)
     problem, result = solution.problem, solution.result

@@ -275,6 +275,7 @@ def test_a_dense_plant_that_falls_apart_is_told_so(tmp_path: Path) -> None:
     assert said.startswith("12 parts that nothing couples, the largest of 2 states: swept part by part")
 
 
+@pytest.mark.slow
 def test_a_matrix_of_too_many_states_names_the_way_out(tmp_path: Path) -> None:
     n = 2001
     row = [0.0] * n
