@@ -34,7 +34,7 @@ class Opened:
         self.page.on("pageerror", lambda error: self.faults.append(str(error)))
         inline = ("data:", "blob:", path.as_uri())
         self.page.on("request", lambda r: None if r.url.startswith(inline) else self.faults.append(r.url))
-        self.page.goto(path.as_uri())
+        self.page.goto(path.as_uri(), timeout=120_000)  # ms, of a busy machine
         if context.get("java_script_enabled", True):
             self.ask("() => window.drawn")
             self.page.wait_for_timeout(300)
