@@ -10,7 +10,7 @@ since tr(Z X) is convex in the policy. For a norm the first two terms cancel, an
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol, Self, cast
+from typing import Generic, Protocol, Self, TypeVar, cast
 
 import numpy as np
 
@@ -69,6 +69,9 @@ class CriterionObjective(SmoothableObjective, Protocol):
         ...
 
 
+T = TypeVar("T", bound=SmoothableObjective)
+
+
 class CriterionSweep(Sweep):
     """A Sweep with a criterion of the last covariance; a CriterionObjective.
 
@@ -118,26 +121,32 @@ class CriterionSweep(Sweep):
         return Judged(weights, J, g, [Term(1.0, trace)], offset=offset, slack=self.criterion.rounding(final))
 
 
-class LowerModel:
-    """A criterion smoothed once and for all, lowered so that it is nowhere above the true one; costs are true.
-
-    For searches that work with one objective to the end: whatever its gradients bound, they bound for the criterion.
+class Lowered(Generic[T]):
+    """A criterion smoothed once and for all and lowered by that, so that it is convex and nowhere above the true one.
 
     Parameters
     ----------
-    objective : SmoothableObjective, the true one
-    at : (N, M) policy whose criterion sets the size of mu
+    true : SmoothableObjective whose costs count
+    whole : what is smoothed, `true` or more than that
+    lost : by how much it may lie below `whole`, in units of the cost
     """
 
-    def __init__(self, objective: SmoothableObjective, at: np.ndarray):
-        self.true, self.recursion = objective, objective.recursion
-        self.foresees_exchanges, self.dense = False, False
-        self.shape, self.states = objective.shape, objective.states
-        self._lower, self._shift = objective, 0.0
-        if objective.corners and objective.spread > 0:
-            objective.cost(at)
-            self._shift = LEAST_SHARE * abs(objective.criterion_value)
-            self._lower = objective.with_smoothing(self._shift / objective.spread)
+    def __init__(self, true: T, whole: SmoothableObjective, lost: float):
+        self.true = true
+        smooth = whole.corners and whole.spread > 0
+        self.smoothing = lost / whole.spread if smooth else 0.0
+        self._lower = whole.with_smoothing(self.smoothing) if smooth else whole
+        self._shift = lost if smooth else 0.0
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(N, C) of the policies."""
+        return self.true.shape
+
+    @property
+    def states(self) -> int:
+        """n"""
+        return self.true.states
 
     @property
     def forward_count(self) -> int:
@@ -149,11 +158,31 @@ class LowerModel:
         """Evaluations of the gradient so far."""
         return self._lower.backward_count
 
+    def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
+        """The convex function below J, and its gradient (N, C), at a policy, `weights` (N, C)."""
+        J, g = self._lower.cost_and_gradient(weights)
+        return J - self._shift, g
+
+
+class LowerModel(Lowered[SmoothableObjective]):
+    """One whose costs are true, for searches that work with one objective to the end.
+
+    Parameters
+    ----------
+    objective : SmoothableObjective, the true one
+    at : (N, M) policy whose criterion sets how much is smoothed
+    """
+
+    foresees_exchanges = dense = False
+
+    def __init__(self, objective: SmoothableObjective, at: np.ndarray):
+        lost = 0.0
+        if objective.corners and objective.spread > 0:
+            objective.cost(at)
+            lost = LEAST_SHARE * abs(objective.criterion_value)
+        super().__init__(objective, objective, lost)
+        self.recursion = objective.recursion
+
     def cost(self, weights: np.ndarray) -> float:
         """The true J of a policy, `weights` (N, M)."""
         return self.true.cost(weights)
-
-    def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
-        """A convex function below J, and its gradient (N, M), at a policy, `weights` (N, M)."""
-        J, g = self._lower.cost_and_gradient(weights)
-        return J - self._shift, g

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from occontrol.scheduling.criterion_sweep import CriterionSweep
+from occontrol.scheduling.criterion_sweep import CriterionSweep, Lowered
 from occontrol.scheduling.peak import PeakSweep
 from occontrol.scheduling.proof import Judged
 from occontrol.scheduling.recursion import Recursion
@@ -23,7 +23,7 @@ KEEPS = 1e-9  # of a limit, by which rounding may exceed it
 FINER = (1.0, 0.1, 0.0)  # times mu: where tangents are tried in the end
 
 
-class CriterionModel:
+class CriterionModel(Lowered[CriterionSweep | PeakSweep]):
     """J of a criterion under rules; an Objective whose cost and gradient belong together.
 
     Parameters
@@ -35,12 +35,9 @@ class CriterionModel:
     """
 
     def __init__(self, true: CriterionSweep | PeakSweep, lost: float, limit: float | None = None, penalty: float = 0.0):
-        self.true, self.lost, self.limit, self.penalty = true, lost, limit, penalty
         whole = true.with_limit(limit, penalty) if limit is not None and isinstance(true, PeakSweep) else true
-        smooth = whole.corners and whole.spread > 0
-        self._whole, self.smoothing = whole, lost / whole.spread if smooth else 0.0
-        self._lower = whole.with_smoothing(self.smoothing) if smooth else whole
-        self._shift = lost if smooth else 0.0
+        super().__init__(true, whole, lost)
+        self.lost, self.limit, self.penalty, self._whole = lost, limit, penalty, whole
 
     @property
     def recursion(self) -> Recursion:
@@ -52,34 +49,9 @@ class CriterionModel:
         """Whether J may be negative."""
         return self.true.signed
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(N, C) of the policies."""
-        return self.true.shape
-
-    @property
-    def states(self) -> int:
-        """n"""
-        return self.true.states
-
-    @property
-    def forward_count(self) -> int:
-        """Evaluations of the cost so far."""
-        return self.true.forward_count + (0 if self._lower is self.true else self._lower.forward_count)
-
-    @property
-    def backward_count(self) -> int:
-        """Evaluations of the gradient so far."""
-        return self._lower.backward_count
-
     def cost(self, weights: np.ndarray) -> float:
         """The model at a policy, `weights` (N, C)."""
         return self._lower.cost(weights) - self._shift
-
-    def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
-        """The model and its gradient (N, C) at a policy, `weights` (N, C)."""
-        J, g = self._lower.cost_and_gradient(weights)
-        return J - self._shift, g
 
     def true_cost(self, weights: np.ndarray) -> float:
         """J of a schedule, `weights` (N, C); inf where it exceeds the limit."""

@@ -10,7 +10,7 @@ from occontrol.core import stopwatch
 from occontrol.core.errors import Mistake, ProblemError, SolveFailed, UsageError
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
-from occontrol.core.solution import Solution, Status
+from occontrol.core.solution import Solution
 from occontrol.families.athans.balanced import balanced, restored
 from occontrol.families.athans.criteria.rate_assembly import UnderRules, assembled
 from occontrol.families.athans.criteria.rate_objective import Measured, measured_of
@@ -118,12 +118,7 @@ def _assembled(ready: _Ready, found: Outcome, name: str, monitor: Monitor, began
     proof = prove_under_rules(task, found.rows, claim)
     certificate = proof.certificate
     monitor.report(found.nodes, certificate.cost, certificate.lower_bound, stage="check")
-    proven = plan is not None and bool(certificate.relative_gap <= found.gap)
-    status = found.status
-    if found.exact and status is Status.FEASIBLE and proven:
-        status = Status.CERTIFIED
-    if status is Status.CERTIFIED and not proof.resolved(max(found.target, found.gap)):
-        status = Status.FEASIBLE
+    status, proven = found.concluded(proof)
     on = user_weights(plan.on, rules) if plan is not None else np.asarray(found.on)
     measuring = np.ascontiguousarray(found.weights[:, : len(problem.sensors)])
     hunted = Hunted(Found(measuring, found.nodes, status, found.message, relaxed, target=found.target))

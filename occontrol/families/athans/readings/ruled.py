@@ -169,12 +169,7 @@ def _assembled(
     switching = found.switching if plan is None else switching_cost(rules, plan.on)
     charged = plain.running + (0.0 if problem.capped else plain.criterion)
     total = goal.observation * weight * spent + goal.error * charged + switching
-    proven = plan is not None and bool(certificate.relative_gap <= found.gap)
-    status = found.status
-    if found.exact and status is Status.FEASIBLE and proven:
-        status = Status.CERTIFIED
-    if status is Status.CERTIFIED and not proof.resolved(max(found.target, found.gap)):
-        status = Status.FEASIBLE
+    status, proven = found.concluded(proof)
     status, message = checked(proof, plain, total, status, found.message)
     if status is not Status.DISAGREES:
         limit = None if problem.criterion is None else problem.criterion.limit

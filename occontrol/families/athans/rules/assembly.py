@@ -58,8 +58,7 @@ def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor
     observation = float(np.vdot(setting.task.spend, found.plan.on if found.plan is not None else on))
     error = evaluated.cost - float(np.vdot(task.price[:, :M], measuring))
     running = error - parts.prediction if r.running.shape[0] else 0.0
-    proven = found.plan is not None and bool(certificate.relative_gap <= found.gap)
-    status, message = _status(found, proven, certificate, judged, proof)
+    status, message, proven = _status(found, certificate, judged, proof)
     top = _top(integrator, found, certificate)
     continuous = _continuous(setting, certificate, evaluated.cost, judged, unfinished)
     schedule = Schedule(problem.edges, on, tuple(problem.sensors.names))
@@ -138,18 +137,16 @@ def assemble_ruled(setting: Setting, found: Outcome, name: str, monitor: Monitor
 
 
 def _status(
-    found: Outcome, proven: bool, certificate: Certificate, judged: Judgement | None, proof: Proof
-) -> tuple[Status, str]:
+    found: Outcome, certificate: Certificate, judged: Judgement | None, proof: Proof
+) -> tuple[Status, str, bool]:
+    status, proven = found.concluded(proof)
     if certificate.contradicts:
-        return Status.DISAGREES, certificate.text
+        return Status.DISAGREES, certificate.text, proven
     if judged is not None and not judged.agrees:
-        return Status.DISAGREES, judged.text
-    status = found.status
-    if found.exact and status is Status.FEASIBLE and proven:
-        status = Status.CERTIFIED
-    if status is Status.CERTIFIED and (judged is None or not proof.resolved(max(found.target, found.gap))):
+        return Status.DISAGREES, judged.text, proven
+    if status is Status.CERTIFIED and judged is None:
         status = Status.FEASIBLE
-    return status, found.message
+    return status, found.message, proven
 
 
 def _continuous(

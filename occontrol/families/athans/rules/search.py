@@ -18,6 +18,7 @@ from occontrol.families.athans.rules.diagnosis import blamed, refusal
 from occontrol.families.athans.rules.frame import Frame
 from occontrol.families.athans.rules.plain_bound import slewing_bound
 from occontrol.scheduling.feasible_set import FeasibleSet
+from occontrol.scheduling.proof import Proof
 from occontrol.scheduling.relaxation import RelaxedOutcome
 from occontrol.scheduling.rules.capped import begun_at_price
 from occontrol.scheduling.rules.caps import cap_of, only_cap
@@ -77,6 +78,21 @@ class Outcome:
     exact: bool = False
     steps_chosen: bool = False
     extra: PlainDict = field(default_factory=dict)
+
+    def concluded(self, proof: Proof) -> tuple[Status, bool]:
+        """How it ended once the certificate is known, and whether the schedule is proven optimal.
+
+        Parameters
+        ----------
+        proof : Proof of the outcome
+        """
+        proven = self.plan is not None and bool(proof.certificate.relative_gap <= self.gap)
+        status = self.status
+        if self.exact and status is Status.FEASIBLE and proven:
+            status = Status.CERTIFIED
+        if status is Status.CERTIFIED and not proof.resolved(max(self.target, self.gap)):
+            status = Status.FEASIBLE
+        return status, proven
 
 
 @dataclass(frozen=True, eq=False)
