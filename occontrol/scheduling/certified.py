@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from occontrol.numerics.linalg import square_root
-from occontrol.scheduling.feasible_set import FeasibleSet
+from occontrol.scheduling.feasible_set import Bounding
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.square_root_kernels import backward, charge, forward, predict
 
@@ -233,7 +233,7 @@ class Term:
 
 
 def certified(
-    terms: Sequence[Term], feasible_set: FeasibleSet, weights: np.ndarray, repeats: int = REPEATS, seed: int = 0
+    terms: Sequence[Term], feasible_set: Bounding, weights: np.ndarray, repeats: int = REPEATS, seed: int = 0
 ) -> Certified:
     """Cost and lower bound of a policy in square-root form, with the measured allowance.
 
@@ -270,7 +270,7 @@ def certified(
 
 
 def _combined(
-    roots: Sequence[Roots], passes: Sequence[Pass], factors: Sequence[float], allowed: FeasibleSet, weights: np.ndarray
+    roots: Sequence[Roots], passes: Sequence[Pass], factors: Sequence[float], allowed: Bounding, weights: np.ndarray
 ) -> tuple[float, float, float]:
     """Cost, own bound, and what of the cost lies below zero."""
     cost = sum(f * p.cost for f, p in zip(factors, passes, strict=True))

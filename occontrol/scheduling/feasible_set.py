@@ -32,6 +32,14 @@ class Face:
     move: np.ndarray
 
 
+class Bounding(Protocol):
+    """What the tangent of a convex J bounds it on."""
+
+    def bound(self, cost: float, weights: np.ndarray, gradient: np.ndarray) -> float:
+        """The lower bound that J = `cost` and its gradient (N, M) at `weights` (N, M) prove."""
+        ...
+
+
 class FeasibleSet(Protocol):
     """A convex set of policies v (N, M), N decisions and M sensors, and the integral schedules in it.
 

@@ -1,111 +1,26 @@
 """Readings of a plant without noise and without a prior: all that is known is F = sum v L, and J = cost.v + phi(F^-1).
 
-The state at the start is a vector of constant parameters: a reading of row h at step k is one of h Phi_k there, with
-Phi_k the product of the transitions so far. Directions that no reading sees are left out where no output needs them.
+With a prior F_0 that tells next to nothing J is finite for every policy, and lies below the J without it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from occontrol.core.solution import ALLOWANCE, Certificate
+from occontrol.scheduling.certified import Certified
 from occontrol.scheduling.criterion import Criterion
 from occontrol.scheduling.design import Design
-from occontrol.scheduling.feasible_set import FeasibleSet
-from occontrol.scheduling.proof import Proof
+from occontrol.scheduling.feasible_set import Bounding, FeasibleSet
+from occontrol.scheduling.proof import Judged, Proof
 from occontrol.scheduling.recursion import Recursion
+from occontrol.scheduling.seen import Seen
 
-UNSEEN = 1e-13  # of the largest eigenvalue of the correlations: a direction without information
-NEEDED = 1e-9  # of an output's row: a part that counts
 LONG = np.longdouble
 LEAST = float(np.finfo(LONG).eps)
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What readings tell of the state at the start.
-
-    Parameters
-    ----------
-    rows : (N, M, r, n) rows of every decision and sensor, zeros where a sensor has fewer
-    output : (p, n) the outputs at the end as functions of the state at the start
-    across : (n, d) from the start to the end; d = n where nothing of the start is known
-    """
-
-    rows: np.ndarray
-    output: np.ndarray
-    across: np.ndarray
-
-    @property
-    def information(self) -> np.ndarray:
-        """(N, M, n, n) L"""
-        return np.einsum("kjri,kjrm->kjim", self.rows, self.rows, optimize=True)
-
-    def of(self, unknown: np.ndarray) -> Seen:
-        """The same where the start is known but for the states that are `unknown` (n,)."""
-        return Seen(self.rows[..., unknown], self.output[:, unknown], self.across[:, unknown])
-
-
-def seen_from_start(recursion: Recursion, output: np.ndarray) -> Seen:
-    """The readings and the outputs of a recursion without noise, in terms of the state at its start.
-
-    Parameters
-    ----------
-    recursion : Recursion of readings
-    output : (p, n) D on the last covariance
-    """
-    r = recursion
-    K, n, first = len(r.steps), r.states, r.first_steps
-    widest = int(np.max(np.diff(r.offsets), initial=0))
-    longest = int(np.max(np.diff(np.append(first, K))))
-    rows = np.zeros((r.intervals, r.sensors, widest * longest, n))
-    owner = np.arange(K) if r.owner is None else r.owner
-    across = np.eye(n)
-    for k in range(K):
-        across = r.transition[r.predict[k]] @ across
-        place = (k - first[owner[k]]) * widest
-        for j in range(r.sensors):
-            a, b = r.offsets[j], r.offsets[j + 1]
-            rows[owner[k], j, place : place + b - a] = np.sqrt(r.steps[k]) * r.rows[r.row_set[k]][a:b] @ across
-    across = r.transition[r.predict[K]] @ across
-    return Seen(rows, output @ across, across)
-
-
-class Unseen(ValueError):
-    """An output needs a direction of the state that no reading sees; `direction` (n,) is one of them."""
-
-    def __init__(self, direction: np.ndarray):
-        super().__init__("no reading sees a direction that an output needs")
-        self.direction = direction
-
-
-def reduced(seen: Seen, available: np.ndarray) -> tuple[np.ndarray, Seen]:
-    """The directions (n, d) that readings see, and rows and outputs in terms of them alone.
-
-    Parameters
-    ----------
-    seen : Seen
-    available : (N, M) positive where a sensor may be used
-
-    Raises Unseen where an output needs another direction.
-    """
-    n = seen.rows.shape[-1]
-    rows = seen.rows[available > 0].reshape(-1, n)
-    scale = np.sqrt(np.sum(rows**2, axis=0))
-    safe = np.where(scale > 0, scale, 1.0)
-    _, sizes, basis = np.linalg.svd(np.vstack([rows / safe, np.zeros((n, n))]), full_matrices=False)
-    lost = ~(sizes**2 > UNSEEN * max(float(sizes[0]) ** 2, 1e-300))
-    if not np.any(lost):
-        return np.eye(n), seen
-    for direction in (basis[lost] / safe)[::-1]:
-        needed = np.abs(seen.output @ direction)
-        size = np.linalg.norm(seen.output, axis=1) * np.linalg.norm(direction)
-        if np.any(needed > NEEDED * np.where(size > 0, size, 1.0)):
-            raise Unseen(direction)
-    kept = (basis[~lost] / safe).T  # x = kept y for what is seen
-    return kept, Seen(seen.rows @ kept, seen.output @ kept, seen.across @ kept)
+ULP = float(np.finfo(float).eps)
 
 
 class InformationObjective:
@@ -117,11 +32,14 @@ class InformationObjective:
     criterion : Criterion of F^-1, with its outputs in terms of the state at the start
     cost : (N, M) prices
     recursion : for whoever asks for the decisions
+    prior : (n, n) F_0; zero if None
     """
 
-    def __init__(self, seen: Seen, criterion: Criterion, cost: np.ndarray, recursion: Recursion):
-        self.design = Design(seen.information, criterion, None, cost)  # type: ignore[arg-type]
-        self.seen, self.criterion, self.prices, self.recursion = seen, criterion, cost, recursion
+    def __init__(
+        self, seen: Seen, criterion: Criterion, cost: np.ndarray, recursion: Recursion, prior: np.ndarray | None = None
+    ):
+        self.design = Design(seen.information, criterion, prior, cost)  # type: ignore[arg-type]
+        self.seen, self.criterion, self.prices, self.recursion, self.prior = seen, criterion, cost, recursion, prior
         self.shape, self.states = self.design.shape, self.design.states
         self.forward_count = self.backward_count = 0
         self._value = self._error = 0.0
@@ -161,7 +79,22 @@ class InformationObjective:
         if not self.corners:
             return self
         criterion = self.criterion.smoothed(smoothing)  # type: ignore[attr-defined]
-        return InformationObjective(self.seen, criterion, self.prices, self.recursion)
+        return InformationObjective(self.seen, criterion, self.prices, self.recursion, self.prior)
+
+    def with_prior(self, prior: np.ndarray) -> InformationObjective:
+        """The same beside F_0 = `prior` (n, n)."""
+        return InformationObjective(self.seen, self.criterion, self.prices, self.recursion, prior)
+
+    def on(self, columns: Recursion) -> InformationObjective:
+        """The same with the prices of other `columns`, of which those beyond the sensors tell nothing."""
+        more = columns.sensors - self.shape[1]
+        seen = replace(self.seen, rows=np.pad(self.seen.rows, ((0, 0), (0, more), (0, 0), (0, 0))))
+        return InformationObjective(seen, self.criterion, columns.decision_cost, columns, self.prior)
+
+    def tangent(self, weights: np.ndarray) -> InformationJudged:
+        """The policy `weights` (N, M) with cost and gradient, for a proof."""
+        J, g = self.cost_and_gradient(weights)
+        return InformationJudged(weights, J - self.smoothing_error, g, [], objective=self)
 
     def cost(self, weights: np.ndarray) -> float:
         """J of a policy, `weights` (N, M); inf where a direction is not seen."""
@@ -182,6 +115,41 @@ class InformationObjective:
         return J, g
 
 
+@dataclass(frozen=True, eq=False)
+class InformationJudged(Judged):
+    """A policy of readings without a prior that is costed again in extended precision.
+
+    Parameters
+    ----------
+    objective : InformationObjective that costed it
+    """
+
+    objective: InformationObjective | None = None
+
+    def certified(self, bounding: Bounding) -> Certified:
+        """Cost and bound, with an allowance that grows with the condition of F.
+
+        Parameters
+        ----------
+        bounding : what the bound holds for
+        """
+        objective = self.objective
+        if objective is None:
+            raise ValueError("nothing to cost the policy by")
+        J, g, condition = _extended(objective, self.weights)
+        if not np.isfinite(J):
+            return Certified(np.inf, -np.inf, 0.0, 0.0, 0.0, True)
+        objective.cost(self.weights)
+        J -= objective.smoothing_error
+        S = objective.design.covariance(self.weights)
+        bound = bounding.bound(J, self.weights, g)
+        size = max(abs(J), 1.0 if objective.signed else 0.0)
+        lost = (10 * LEAST * condition * objective.states + 10 * ULP) * size
+        rounding = 0.0 if S is None else objective.criterion.rounding(S)
+        apart = abs(J - bound) if np.isfinite(bound) else 0.0
+        return Certified(J, bound, lost, lost + rounding * (1.0 + apart), 0.0, True)
+
+
 def prove_information(
     objective: InformationObjective,
     feasible_set: FeasibleSet,
@@ -199,25 +167,10 @@ def prove_information(
     others : objectives, perhaps smoothed, and policies (N, M) whose tangents prove bounds
     known_bound : proven in another way, if any
     """
-    cost, _, condition = _extended(objective, policy)
-    size = max(abs(cost), 1.0 if objective.signed else 0.0)
-    ulp = float(np.finfo(float).eps)
-
-    def lost(condition: float) -> float:
-        return (10 * LEAST * condition * objective.states + 10 * ulp) * size
-
-    bounds, allowance = [], lost(condition)
-    for other, at in [(objective, policy), *others]:
-        J, g, spoilt = _extended(other, at)
-        if not np.isfinite(J):
-            continue
-        other.cost(at)
-        J -= other.smoothing_error
-        S = other.design.covariance(at)
-        rounding = 0.0 if S is None else other.criterion.rounding(S)
-        own = feasible_set.bound(J, at, g)
-        room = lost(spoilt) + rounding * (1.0 + abs(J - own))
-        bounds.append((own - room, room))
+    found = [at.tangent(v).certified(feasible_set) for at, v in [(objective, policy), *others]]
+    cost, allowance = found[0].cost, found[0].cost_allowance
+    bounds = [(each.lower_bound - each.bound_allowance, each.bound_allowance) for each in found]
+    bounds = [(bound, room) for bound, room in bounds if np.isfinite(bound)]
     if np.isfinite(known_bound):
         bounds.append((known_bound - allowance, allowance))
     if not objective.signed:
@@ -232,7 +185,7 @@ def _extended(objective: InformationObjective, weights: np.ndarray) -> tuple[flo
     """J, dJ/dv (N, M) and the condition of the correlations of F, with F and its inverse in extended precision."""
     n = objective.states
     used = np.argwhere(weights > 0)
-    F = np.zeros((n, n), dtype=LONG)
+    F = np.zeros((n, n), dtype=LONG) if objective.prior is None else objective.prior.astype(LONG)
     for k, j in used:
         rows = objective.seen.rows[k, j].astype(LONG)
         F += LONG(weights[k, j]) * (rows.T @ rows)

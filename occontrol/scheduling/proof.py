@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from occontrol.core.solution import ALLOWANCE, Certificate
-from occontrol.scheduling.certified import Term, certified
-from occontrol.scheduling.feasible_set import FeasibleSet
+from occontrol.scheduling.certified import Certified, Term, certified
+from occontrol.scheduling.feasible_set import Bounding, FeasibleSet
 
 MIXED = 20.0
 DIGIT = 4 * float(np.finfo(float).eps)
@@ -105,6 +105,15 @@ class Judged:
     offset: float = 0.0
     slack: float = 0.0
 
+    def certified(self, bounding: Bounding) -> Certified:
+        """Its terms costed again in square-root form.
+
+        Parameters
+        ----------
+        bounding : what the bound holds for
+        """
+        return certified(self.terms, bounding, self.weights)
+
 
 def prove(
     policies: Sequence[Judged], feasible_set: FeasibleSet, known_bound: float = -np.inf, signed: bool = False
@@ -120,7 +129,7 @@ def prove(
     """
     found, difference, spread = [], 0.0, 0.0
     for policy in policies:
-        exact = certified(policy.terms, feasible_set, policy.weights)
+        exact = policy.certified(feasible_set)
         exact = replace(
             exact,
             cost=exact.cost + policy.offset,

@@ -5,7 +5,8 @@ peak, schedules that exceed it are not allowed; where it is kept
 
     model(v) = cost.v + rho mu log(1 + sum_i exp((f_i - e)/mu)) - rho mu log(m + 1) <= cost.v
 
-so that whatever bounds the model bounds the schedules that keep rules and limit, for every rho.
+so that whatever bounds the model bounds the schedules that keep rules and limit, for every rho. Without a prior J is
+infinite where a direction is not seen; a prior that tells next to nothing makes the model finite, and lowers it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from occontrol.scheduling.criterion_sweep import CriterionSweep, Lowered
+from occontrol.scheduling.information import InformationObjective
 from occontrol.scheduling.peak import PeakSweep
 from occontrol.scheduling.proof import Judged
 from occontrol.scheduling.recursion import Recursion
@@ -23,7 +25,10 @@ KEEPS = 1e-9  # of a limit, by which rounding may exceed it
 FINER = (1.0, 0.1, 0.0)  # times mu: where tangents are tried in the end
 
 
-class CriterionModel(Lowered[CriterionSweep | PeakSweep]):
+Measured = CriterionSweep | PeakSweep | InformationObjective
+
+
+class CriterionModel(Lowered[Measured]):
     """J of a criterion under rules; an Objective whose cost and gradient belong together.
 
     Parameters
@@ -32,12 +37,22 @@ class CriterionModel(Lowered[CriterionSweep | PeakSweep]):
     lost : by how much the model may lie below J, in units of the cost
     limit : e of the peak, or None
     penalty : rho, of the limit
+    vague : (n, n) information that tells next to nothing, where there is no prior: the model is finite with it
     """
 
-    def __init__(self, true: CriterionSweep | PeakSweep, lost: float, limit: float | None = None, penalty: float = 0.0):
+    def __init__(
+        self,
+        true: Measured,
+        lost: float,
+        limit: float | None = None,
+        penalty: float = 0.0,
+        vague: np.ndarray | None = None,
+    ):
         whole = true.with_limit(limit, penalty) if limit is not None and isinstance(true, PeakSweep) else true
+        if vague is not None and isinstance(true, InformationObjective):
+            whole = true.with_prior(vague)
         super().__init__(true, whole, lost)
-        self.lost, self.limit, self.penalty, self._whole = lost, limit, penalty, whole
+        self.lost, self.limit, self.penalty, self.vague, self._whole = lost, limit, penalty, vague, whole
 
     @property
     def recursion(self) -> Recursion:
@@ -62,13 +77,15 @@ class CriterionModel(Lowered[CriterionSweep | PeakSweep]):
 
     def most(self) -> float:
         """What J may be at most beside prices: nothing is measured; with a limit the peak is no part of it."""
+        if self.vague is not None:
+            return np.inf
         J = self.true.cost(np.zeros(self.shape))
         return J if self.limit is None else J - self.true.criterion_value
 
     def with_prices(self, prices: np.ndarray) -> CriterionModel:
         """The same with other `prices` (N, C) in the recursion."""
         true = self.true.on(replace(self.recursion, cost=prices))
-        return CriterionModel(true, self.lost, self.limit, self.penalty)
+        return CriterionModel(true, self.lost, self.limit, self.penalty, self.vague)
 
     def judged(self, weights: np.ndarray) -> Judged:
         """A schedule, `weights` (N, C), with its true J."""
@@ -77,7 +94,11 @@ class CriterionModel(Lowered[CriterionSweep | PeakSweep]):
         return self.true.with_limit(self.limit, 0.0).tangent(weights)
 
     def tangents(self, policy: np.ndarray) -> list[Judged]:
-        """A `policy` (N, C) with tangents that bound J there, smoothed more and less."""
-        if self._lower is self._whole:
-            return [self._whole.tangent(policy)]
-        return [self._whole.with_smoothing(f * self.smoothing).tangent(policy) for f in FINER]
+        """A `policy` (N, C) with tangents that bound J there, smoothed more and less, with the vague prior or none."""
+        own = [] if self.vague is None else [self.true]
+        found = []
+        for whole in (*own, self._whole):
+            smooth = whole.corners and self.smoothing > 0
+            stages = [whole.with_smoothing(f * self.smoothing) for f in FINER] if smooth else [whole]
+            found += [stage.tangent(policy) for stage in stages]
+        return [at for at in found if np.isfinite(at.cost)]

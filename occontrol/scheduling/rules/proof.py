@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.core.solution import ALLOWANCE, Certificate
-from occontrol.scheduling.certified import Certified, certified
+from occontrol.scheduling.certified import Certified
 from occontrol.scheduling.proof import MIXED, Judged, Proof
 from occontrol.scheduling.rules.hull import bound_at
 from occontrol.scheduling.rules.master import Multipliers, Tangent
@@ -78,7 +78,7 @@ def prove_under_rules(task: Task, rows: Rows, claim: Claim) -> Proof:
     def again(judged: Judged) -> tuple[Certified, float, float]:
         """In square-root form; what the product form's cost and bound are away from it."""
         judge = RuledBound(task, rows, multipliers, judged.offset)
-        found = certified(judged.terms, judge, judged.weights)  # type: ignore[arg-type]
+        found = judged.certified(judge)
         own = RuledBound(task, rows, multipliers).bound(judged.cost, judged.weights, judged.gradient)
         apart = abs(own - found.lower_bound) if np.isfinite(own) else np.inf
         return found, abs(judged.cost - judged.offset - found.cost), apart

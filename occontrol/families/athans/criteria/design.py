@@ -24,13 +24,8 @@ from occontrol.families.athans.readings.fill import Filled, feasible_set, fill, 
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.scheduling.criteria import LargestEigenvalue, LogDeterminant, LogTrace, Schatten, independent_outputs
 from occontrol.scheduling.criterion import Criterion, TraceCriterion
-from occontrol.scheduling.information import (
-    InformationObjective,
-    Unseen,
-    prove_information,
-    reduced,
-    seen_from_start,
-)
+from occontrol.scheduling.information import InformationObjective, prove_information
+from occontrol.scheduling.seen import Unseen, reduced, seen_from_start
 
 NAMED = 1e-6  # of the largest: what of a direction is told
 UNSEEN = "no schedule sees the direction {direction} of the states at the start, and an output needs it"
