@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from occontrol.numerics.jacobi import diagonalise
+
 OPTIONS = {"cache": True, "nogil": True}
-SWEEPS = 40  # of Jacobi's rotations; six are usual
 
 
 @njit(**OPTIONS)
@@ -126,39 +127,10 @@ def solve(A, B):
 
 @njit(**OPTIONS)
 def eigen(S, V):
-    """Eigenvalues (n,) of a symmetric S (n, n), by Jacobi's rotations; fills V (n, n) with the eigenvectors."""
+    """Eigenvalues (n,) of a symmetric S (n, n); fills V (n, n) with the eigenvectors."""
     n = S.shape[0]
     A = S.copy()
-    for i in range(n):
-        for j in range(n):
-            V[i, j] = 1.0 if i == j else 0.0
-    for _ in range(SWEEPS):
-        off, all_ = 0.0, 0.0
-        for i in range(n):
-            all_ += A[i, i] * A[i, i]
-            for j in range(i):
-                off += A[i, j] * A[i, j]
-        if off <= 1e-34 * (all_ + off):
-            break
-        for p in range(n - 1):
-            for q in range(p + 1, n):
-                if A[p, q] == 0.0:
-                    continue
-                theta = 0.5 * (A[q, q] - A[p, p]) / A[p, q]
-                t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
-                if theta < 0:
-                    t = -t
-                c = 1.0 / np.sqrt(t * t + 1.0)
-                s = t * c
-                for i in range(n):
-                    x, y = A[i, p], A[i, q]
-                    A[i, p], A[i, q] = c * x - s * y, s * x + c * y
-                for i in range(n):
-                    x, y = A[p, i], A[q, i]
-                    A[p, i], A[q, i] = c * x - s * y, s * x + c * y
-                for i in range(n):
-                    x, y = V[i, p], V[i, q]
-                    V[i, p], V[i, q] = c * x - s * y, s * x + c * y
+    diagonalise(A, V, n)
     values = np.empty(n)
     for i in range(n):
         values[i] = A[i, i]

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from occontrol.numerics.jacobi import diagonalise
 from occontrol.scheduling.whole.kernels import OPTIONS
-
-SWEEPS = 12
-SMALL = 1e-15
 
 
 @njit(**OPTIONS)
@@ -49,37 +47,8 @@ def above(sizes, A, B, X, E):
 
 @njit(**OPTIONS)
 def _part(n, E, U, scale, at, A):
-    """A[at:] <- A - D E+ D for E (n, n), D = diag(scale): E+ has its positive eigenvalues, by Jacobi's method."""
-    for i in range(n):
-        for j in range(n):
-            U[i, j] = 1.0 if i == j else 0.0
-    for _ in range(SWEEPS):
-        off = 0.0
-        for i in range(n):
-            for j in range(i):
-                off = max(off, abs(E[i, j]))
-        size = 0.0
-        for i in range(n):
-            size = max(size, abs(E[i, i]))
-        if off <= SMALL * size or off == 0.0:
-            break
-        for i in range(n):
-            for j in range(i):
-                if E[i, j] == 0.0:
-                    continue
-                theta = (E[j, j] - E[i, i]) / (2.0 * E[i, j])
-                t = (1.0 if theta >= 0.0 else -1.0) / (abs(theta) + np.sqrt(theta * theta + 1.0))
-                c = 1.0 / np.sqrt(t * t + 1.0)
-                s = t * c
-                for k in range(n):
-                    x, y = E[k, i], E[k, j]
-                    E[k, i], E[k, j] = c * x - s * y, s * x + c * y
-                for k in range(n):
-                    x, y = E[i, k], E[j, k]
-                    E[i, k], E[j, k] = c * x - s * y, s * x + c * y
-                for k in range(n):
-                    x, y = U[k, i], U[k, j]
-                    U[k, i], U[k, j] = c * x - s * y, s * x + c * y
+    """A[at:] <- A - D E+ D for E (n, n), D = diag(scale): E+ has its positive eigenvalues, by Jacobi's rotations."""
+    diagonalise(E, U, n)
     at_ = at
     for i in range(n):
         for j in range(i + 1):
