@@ -38,6 +38,10 @@ def solve(
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the interrupted result of the folder.")] = False,
     strict: StrictFlag = False,
     log: Annotated[Path | None, typer.Option("--log", metavar="FILE", help="Progress as JSON lines.")] = None,
+    jobs: Annotated[
+        int, typer.Option("--jobs", "-j", min=1, max=1024, help="Processes for the bound of many targets.")
+    ] = 1,
+    cluster: Annotated[str | None, typer.Option("--cluster", help="For the same: dask, or tls://HOST:PORT.")] = None,
 ) -> int:
     """Find a schedule, prove a bound, write both to a run folder with figures.
 
@@ -62,6 +66,10 @@ def solve(
         problem = read_problem(file)
         warn_of(problem, file, strict)
         held.enter_context(locked(folder))
+        if jobs > 1 or cluster is not None:
+            from occontrol.studies.engines.places import places
+
+            monitor.spread = held.enter_context(places(jobs, cluster))
         if resume:
             monitor.resume = _earlier(folder, problem)
         try:

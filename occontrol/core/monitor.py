@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from occontrol.core import stopwatch
+from occontrol.core.spread import HERE, Spread
 
 
 @dataclass
@@ -26,6 +27,7 @@ class Monitor:
     interrupted : set by a signal handler (to the signal's number); the solver returns its best so far
     resume : an earlier Solution of the same problem to go on from, or None
     resumed : set by the solver that has gone on from it; the others begin anew
+    spread : where pieces that do not need each other are done
     """
 
     show: Callable[[Mapping], None] | None = None
@@ -36,6 +38,7 @@ class Monitor:
     stage: str = ""
     resume: Any = None
     resumed: bool = False
+    spread: Spread = HERE
 
     @property
     def seconds(self) -> float:
@@ -95,6 +98,7 @@ class _Child(Monitor):
         left = None if parent.time_limit is None else parent.time_limit - parent.seconds
         super().__init__(None, min((x for x in (time_limit, left) if x is not None), default=None), stage=parent.stage)
         self.resume = parent.resume
+        self.spread = parent.spread
 
     @property
     def interrupted(self) -> int:  # type: ignore[override]

@@ -53,9 +53,11 @@ def test_formulas_that_jump_are_held_tables(tmp_path: Path) -> None:
     formulas, tables = problem(tmp_path, FORMULAS), problem(tmp_path, TABLES)
     assert formulas.added_edges == tables.added_edges and len(formulas.added_edges) == 5
     one, other = oc.solve(formulas), oc.solve(tables)
-    assert one.certificate == other.certificate
-    assert np.array_equal(one.schedule.weights, other.schedule.weights)
-    assert np.array_equal(one.arrays["covariance"], other.arrays["covariance"])
+    # the numbers are the same; sums of a library may depend on where in memory they lie
+    assert one.certificate.lower_bound == pytest.approx(other.certificate.lower_bound, rel=1e-13)
+    assert one.cost == pytest.approx(other.cost, rel=1e-13)
+    assert one.schedule.weights == pytest.approx(other.schedule.weights, abs=1e-12)
+    assert one.arrays["covariance"] == pytest.approx(other.arrays["covariance"], rel=1e-12)
 
 
 def by_scipy(A, X, L, R, marks, S, rate) -> float:

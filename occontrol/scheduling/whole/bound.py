@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from occontrol.core.spread import HERE, Spread
 from occontrol.scheduling.blocks.resources import ResourceSet
-from occontrol.scheduling.whole.certificate import Chunk, Tangents, answer
+from occontrol.scheduling.whole.certificate import Chunk, Tangents, answer, joined
 from occontrol.scheduling.whole.courses import Course
 from occontrol.scheduling.whole.prices import Answer, Found, Lines, raise_bound
 
@@ -46,21 +47,30 @@ class WholeLooks:
     allowed : ResourceSet of the schedules
     tangents : of the relaxed optimum, or None
     effort : Effort
+    spread : where the targets are asked
     """
 
-    def __init__(self, courses: Sequence[Course], allowed: ResourceSet, tangents: Tangents | None, effort: Effort):
+    def __init__(
+        self,
+        courses: Sequence[Course],
+        allowed: ResourceSet,
+        tangents: Tangents | None,
+        effort: Effort,
+        spread: Spread = HERE,
+    ):
         self.allowed, self.effort = allowed, effort
         self.stretch = np.repeat(np.arange(len(allowed.capacity)), np.diff(allowed.starts))
         self.chunk = Chunk(courses, np.arange(len(courses)), self.stretch, tangents, effort.exact)
+        self._ask = spread.hold(answer, [self.chunk] if spread.count == 1 else self.chunk.parts(spread.count))
 
     @property
     def capacity(self) -> np.ndarray:
         """(S,) looks of every stretch."""
         return self.allowed.capacity
 
-    def ask(self, prices: np.ndarray) -> Answer:
-        """What all targets answer to prices (S,)."""
-        return answer(self.chunk, prices)
+    def ask(self, prices: np.ndarray, buckets: int = 0) -> Answer:
+        """What all targets answer to prices (S,), with labels where there are buckets."""
+        return joined(self._ask(prices, buckets))
 
     def bound(self, start: np.ndarray, stop: Callable[[Found], bool] = lambda found: False) -> Found:
         """The largest bound that is found, from prices `start` (S,) on: with the forgetful programme, then with labels.
@@ -75,13 +85,13 @@ class WholeLooks:
         e = self.effort
         if not stop(found):
             found = _better(found, raise_bound(self.ask, lines, best, e.rounds - found.rounds, e.gap, stop))
-        if not e.buckets or self.chunk.exactly or stop(found):
+        if not e.buckets or (e.exact and self.chunk.exactly) or stop(found):
             return found
         spent, most = 0, max(e.labels, e.per_visit * sum(len(c.member) - 1 for c in self.chunk.courses))
 
         def with_labels(prices: np.ndarray) -> Answer:
             nonlocal spent
-            given = answer(self.chunk, prices, e.buckets)
+            given = self.ask(prices, e.buckets)
             spent += given.labels
             return given
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -68,6 +69,16 @@ class Chunk:
         """Whether all minima are exact."""
         return all(isinstance(t, Beginnings) for t in self.known)
 
+    def parts(self, count: int) -> list[Chunk]:
+        """The same targets in at most `count` chunks of about equal work, in their order."""
+        work = np.cumsum([len(c.member) ** 2 for c in self.courses])
+        cuts = np.searchsorted(work, work[-1] * np.arange(1, count) / count) + 1 if len(work) else []
+        ends = np.unique(np.concatenate([[0], cuts, [len(self.courses)]])).astype(int)
+        return [
+            Chunk(self.courses[a:b], self.numbers[a:b], self.stretch, self.tangents, self.exact)
+            for a, b in pairwise(ends)
+        ]
+
 
 def answer(chunk: Chunk, prices: np.ndarray, buckets: int = 0) -> Answer:
     """Bounds and plans of targets at prices of looks.
@@ -97,6 +108,23 @@ def answer(chunk: Chunk, prices: np.ndarray, buckets: int = 0) -> Answer:
             g = chunk.tangents.slope[course.entry] + each[course.entry]
             bounds[i] = max(bounds[i], chunk.tangents.base[chunk.numbers[i]] + np.sum(np.minimum(g, 0.0)))
     return Answer(bounds, costs, stretches, labels)
+
+
+def joined(answers: Sequence[Answer]) -> Answer:
+    """The answers of consecutive chunks as those of all their targets.
+
+    Parameters
+    ----------
+    answers : to the same prices
+    """
+    if len(answers) == 1:
+        return answers[0]
+    return Answer(
+        np.concatenate([given.bounds for given in answers]),
+        np.concatenate([given.costs for given in answers]),
+        [stretch for given in answers for stretch in given.stretches],
+        sum(given.labels for given in answers),
+    )
 
 
 def visit_counts(answers: Sequence[Answer], stretches: int) -> np.ndarray:

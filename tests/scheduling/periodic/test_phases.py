@@ -56,7 +56,8 @@ def test_cycles_and_bounds_keep_to_the_windows(seed: int) -> None:
     assert averaged.lower_bound <= best and 0.97 * best <= tree.bound <= best
     proof = tree.proof(root)
     assert faults(proof, letters, phases) == []
-    assert checked_bound(proof, letters, root @ root.T) == pytest.approx(tree.bound, rel=1e-9)
+    # each is lowered by what rounding may have done to it, 1e-15 of the size of what was added up
+    assert checked_bound(proof, letters, root @ root.T) == pytest.approx(tree.bound, rel=1e-8)
 
 
 def test_the_averaged_bound_with_windows_is_the_minimum_over_a_grid_of_shares() -> None:

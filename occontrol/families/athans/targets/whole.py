@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.core.spread import HERE, Spread
 from occontrol.families.athans.targets.fill import Filled
 from occontrol.scheduling.blocks.single import singles
 from occontrol.scheduling.blocks.sweep import BlockSweep
@@ -46,7 +47,9 @@ def tangents_at(filled: Filled, sweep: BlockSweep, weights: np.ndarray) -> Tange
     return Tangents(base, g)
 
 
-def whole_looks(filled: Filled, sweep: BlockSweep, weights: np.ndarray, effort: Effort) -> WholeLooks:
+def whole_looks(
+    filled: Filled, sweep: BlockSweep, weights: np.ndarray, effort: Effort, spread: Spread = HERE
+) -> WholeLooks:
     """All targets of a problem, to be asked at prices.
 
     Parameters
@@ -55,11 +58,12 @@ def whole_looks(filled: Filled, sweep: BlockSweep, weights: np.ndarray, effort: 
     sweep : over its blocks
     weights : (E, 1) of the relaxed optimum
     effort : Effort
+    spread : where the targets are asked
     """
     looks = filled.looks
     data = singles(filled.groups, filled.owners, filled.problem.targets, filled.steps, filled.charges)
     each = courses(data, looks.interval, looks.target, looks.price, filled.substeps)
-    return WholeLooks(each, filled.allowed, tangents_at(filled, sweep, weights), effort)
+    return WholeLooks(each, filled.allowed, tangents_at(filled, sweep, weights), effort, spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +125,7 @@ def bound_whole(
     if monitor.stop or not np.isfinite(relaxed.cost) or not fits(filled):
         return None
     monitor.stage = "whole looks"
-    ready = whole_looks(filled, sweep, relaxed.weights, Effort(rounds=_rounds(filled)))
+    ready = whole_looks(filled, sweep, relaxed.weights, Effort(rounds=_rounds(filled)), monitor.spread)
     start = relaxed_prices(relaxed.gradient, filled.allowed)
 
     def stop(found: Found) -> bool:
