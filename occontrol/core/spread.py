@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TypeVar
+
+Piece = TypeVar("Piece")
+Reply = TypeVar("Reply")
 
 
 class Spread:
@@ -14,7 +17,7 @@ class Spread:
 
     count = 1
 
-    def hold(self, function: Callable[..., Any], pieces: Sequence[Any]) -> Callable[..., list]:
+    def hold(self, function: Callable[..., Reply], pieces: Sequence[Piece]) -> Callable[..., list[Reply]]:
         """What gives function(piece, *words) of every piece for words, in their order.
 
         Parameters

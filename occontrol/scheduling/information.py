@@ -132,6 +132,8 @@ class InformationJudged(Judged):
         Parameters
         ----------
         bounding : what the bound holds for
+
+        Raises ValueError without an objective.
         """
         objective = self.objective
         if objective is None:

@@ -7,16 +7,19 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
-from typing import Any
+from typing import TYPE_CHECKING
 
 from occontrol.core.errors import SolveFailed
-from occontrol.core.spread import HERE, Spread
+from occontrol.core.spread import HERE, Piece, Reply, Spread
 from occontrol.studies.engines.dask import check_address, require_dask
 from occontrol.studies.engines.local import begin_worker, single_threads
 
+if TYPE_CHECKING:
+    from distributed import Client
+
 LOST = "a process that kept a part of the problem died twice\n  hint: fewer jobs, or more memory"
 
-_kept: list[Any] = []  # in a worker: the piece that it keeps
+_kept: list[object] = []  # in a worker: the piece that it keeps
 
 
 class Places(Spread):
@@ -31,11 +34,11 @@ class Places(Spread):
     def __init__(self, count: int, stack: ExitStack):
         self.count, self._stack = count, stack
 
-    def hold(self, function: Callable[..., Any], pieces: Sequence[Any]) -> Callable[..., list]:
+    def hold(self, function: Callable[..., Reply], pieces: Sequence[Piece]) -> Callable[..., list[Reply]]:
         """See `Spread.hold`. Raises SolveFailed, when asked, where a process and the one after it die."""
         pools = [self._begin(piece) for piece in pieces]
 
-        def ask(*words: Any) -> list:
+        def ask(*words: object) -> list[Reply]:
             running = [pool.submit(_of_kept, function, words) for pool in pools]
             answers = []
             for number, future in enumerate(running):
@@ -51,7 +54,7 @@ class Places(Spread):
 
         return ask
 
-    def _begin(self, piece: Any) -> ProcessPoolExecutor:
+    def _begin(self, piece: object) -> ProcessPoolExecutor:
         pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _keep, (piece,))
         self._stack.callback(pool.shutdown, wait=False, cancel_futures=True)
         return pool
@@ -66,14 +69,14 @@ class DaskPlaces(Spread):
     count : of pieces
     """
 
-    def __init__(self, client: Any, count: int):
+    def __init__(self, client: Client, count: int):
         self.count, self._client = count, client
 
-    def hold(self, function: Callable[..., Any], pieces: Sequence[Any]) -> Callable[..., list]:
+    def hold(self, function: Callable[..., Reply], pieces: Sequence[Piece]) -> Callable[..., list[Reply]]:
         """See `Spread.hold`. Raises SolveFailed, when asked, where the cluster is lost."""
         kept = [self._client.submit(_itself, piece, pure=False) for piece in pieces]
 
-        def ask(*words: Any) -> list:
+        def ask(*words: object) -> list[Reply]:
             running = [self._client.submit(function, piece, *words, pure=False) for piece in kept]
             try:
                 return self._client.gather(running)
@@ -108,13 +111,13 @@ def places(jobs: int, cluster: str | None = None) -> Iterator[Spread]:
 
 
 @contextmanager
-def _cluster(jobs: int, address: str) -> Iterator[Any]:
+def _cluster(jobs: int, address: str) -> Iterator[Client]:
     import dask.config
     import distributed
 
     with dask.config.set({"distributed.worker.daemon": True}), single_threads(), ExitStack() as stack:
         try:
-            target: Any = address
+            target: object = address
             if address == "dask":
                 local = {"host": "127.0.0.1", "dashboard_address": None, "threads_per_worker": 1}
                 target = stack.enter_context(distributed.LocalCluster(n_workers=jobs, **local))
@@ -124,14 +127,14 @@ def _cluster(jobs: int, address: str) -> Iterator[Any]:
         yield client
 
 
-def _keep(piece: Any) -> None:
+def _keep(piece: object) -> None:
     begin_worker()
     _kept[:] = [piece]
 
 
-def _of_kept(function: Callable[..., Any], words: Sequence[Any]) -> Any:
+def _of_kept(function: Callable[..., Reply], words: Sequence[object]) -> Reply:
     return function(_kept[0], *words)
 
 
-def _itself(piece: Any) -> Any:
+def _itself(piece: Piece) -> Piece:
     return piece
