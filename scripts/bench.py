@@ -50,7 +50,7 @@ def machine() -> str:
     """Processor, cores and versions."""
     import platform
 
-    from occontrol.core.solution import versions
+    from occontrol.core.versions import versions
 
     info = Path("/proc/cpuinfo")
     names = (

@@ -18,7 +18,8 @@ from pathlib import Path
 from occontrol.api import choose_method, solve
 from occontrol.core.errors import OccontrolError
 from occontrol.core.printed import rounded_down
-from occontrol.core.solution import Solution, versions
+from occontrol.core.solution import Solution
+from occontrol.core.versions import versions
 
 ROOT = Path(__file__).resolve().parent.parent
 HEAD = (

@@ -12,6 +12,7 @@ from occontrol.core.errors import Mistake, ProblemError, UsageError
 from occontrol.core.kinds import PlainDict
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
+from occontrol.core.versions import stamped
 from occontrol.families import find_family, names
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def placed(path: str | Path, mistakes: Sequence[Mistake]) -> ProblemError:
 
 def document(problem: BaseProblem) -> PlainDict:
     """The problem as a JSON-able dict with all tables embedded; reading it back gives the identical problem."""
-    return family_of(problem).schema().document(problem)
+    return stamped(family_of(problem).schema().document(problem))
 
 
 def json_schema(family: str | None = None) -> PlainDict:

@@ -22,6 +22,7 @@ def compare_families(
     from occontrol.api import read_problem
     from occontrol.cli.watch import announce, exit_code, watched
     from occontrol.core.conversion import Asked
+    from occontrol.core.versions import stamped
     from occontrol.files.atomic import refuse_same, write_text
     from occontrol.files.plain_json import to_json
     from occontrol.files.run_folder import check_writable
@@ -36,9 +37,9 @@ def compare_families(
         rows = side_by_side(problem, Asked(step, level, slots), monitor)
     content = {"problem": problem.name, "family": problem.family, "families": [row.as_dict() for row in rows]}
     folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / "families.json", to_json(content))
+    write_text(folder / "families.json", to_json(stamped(content)))
     if json:
-        print_json(content)
+        print_json(stamped(content))
     else:
         headers = ("family", "method", "error at the end", "cost", "above the bound", "worst case", "switches")
         cells = []

@@ -29,6 +29,7 @@ def convert(
     from occontrol.api import converted, read_problem
     from occontrol.core.conversion import Asked
     from occontrol.core.errors import FileAccessError, UsageError
+    from occontrol.core.versions import stamped
     from occontrol.files.atomic import refuse_same, write_text
     from occontrol.files.plain_json import to_json
 
@@ -40,7 +41,7 @@ def convert(
     refuse_same([target], [file])
     problem = read_problem(file)
     found, remarks = converted(problem, to, Asked(step, level, slots))
-    write_text(target, to_json(found) + "\n")
+    write_text(target, to_json(stamped(found)) + "\n")
     for remark in remarks:
         note(remark)
     typer.echo(f"written {target}")

@@ -30,6 +30,7 @@ def montecarlo(
     announce(f"simulating {file}")
     from occontrol.api import read_problem, require
     from occontrol.core.errors import UsageError
+    from occontrol.core.versions import stamped
     from occontrol.families.family import Ability
     from occontrol.files.atomic import refuse_same, write_text
     from occontrol.files.page.records import write_records_page
@@ -50,7 +51,7 @@ def montecarlo(
         monitor.stage = "simulation"
         with workers(solution.problem, solution, jobs) as work:
             found = family.monte_carlo(solution.problem, solution, names, runs, seed, monitor, work)
-    content = found.as_dict()
+    content = stamped(found.as_dict())
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "montecarlo.json", to_json(content))
     if figures:

@@ -30,6 +30,7 @@ def sensitivity(
     announce(f"differentiating {run}")
     from occontrol.api import family_of, read_run
     from occontrol.api import sensitivity as differentiate
+    from occontrol.core.versions import stamped
     from occontrol.files.atomic import write_text
     from occontrol.files.figures import save
     from occontrol.files.plain_json import to_json
@@ -42,7 +43,7 @@ def sensitivity(
     check_writable(folder)
     with watched() as monitor:
         found = differentiate(solution.problem or problem, solution, monitor, certify)
-    content = found.as_dict()
+    content = stamped(found.as_dict())
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "sensitivity.json", to_json(content))
     if figures:

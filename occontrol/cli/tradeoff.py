@@ -36,6 +36,7 @@ def tradeoff(
     from occontrol.api import family_of, read_problem
     from occontrol.api import tradeoff as trace
     from occontrol.cli.watch import exit_code, watched
+    from occontrol.core.versions import stamped
     from occontrol.files.atomic import refuse_same
     from occontrol.files.run_folder import check_writable
     from occontrol.files.run_record import RESULT, refuse_run_files
@@ -49,7 +50,7 @@ def tradeoff(
     check_writable(folder)
     with watched() as monitor:
         front = trace(problem, values, monitor) if budget is None else trace(problem, (), monitor, budgets=values)
-    content = front.as_dict()
+    content = stamped(front.as_dict())
     family_of(problem).write_tradeoff(folder, front, figures)
     if json:
         print_json(content)

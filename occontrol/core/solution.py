@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Protocol
 
@@ -19,6 +19,7 @@ from occontrol.core.problem import BaseProblem
 from occontrol.core.result import PlainResult, ResultData
 from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
+from occontrol.core.versions import KEY, SCHEMA_VERSION, versions
 
 
 class Status(enum.StrEnum):
@@ -211,6 +212,7 @@ class Solution:
     def as_dict(self) -> PlainDict:
         """The content of result.json."""
         return {
+            KEY: SCHEMA_VERSION,
             "family": self.family,
             "status": str(self.status),
             "message": self.message,
@@ -271,20 +273,6 @@ def make_solution(
         history=tuple(monitor.history),
         problem=problem,
     )
-
-
-@lru_cache(maxsize=1)
-def versions() -> dict[str, str]:
-    """Versions of this package and of the numerical libraries below it."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    found = {}
-    for name in ("occontrol", "numpy", "scipy", "casadi", "numba", "clarabel"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
 
 
 class Tradeoff(Protocol):

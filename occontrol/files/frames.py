@@ -12,6 +12,7 @@ from occontrol.core.measurement import Estimate
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.core.state_labels import state_names
+from occontrol.core.versions import KEY, SCHEMA_VERSION
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-not-found]
@@ -83,5 +84,5 @@ def to_xarray(solution: Solution) -> xr.Dataset:
     calendar = calendar_of(problem)
     dates = {} if calendar is None else calendar.document()
     said = {"family": solution.family, "method": solution.method, "status": str(solution.status), **certificate}
-    said |= {"name": str(getattr(problem, "name", "")), **dates}
+    said |= {KEY: SCHEMA_VERSION, "name": str(getattr(problem, "name", "")), **dates}
     return xr.Dataset(variables, {axis: words for axis, words in labels.items() if axis in used}, said)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from occontrol.core.errors import Collector, FileAccessError, Mistake, ProblemError, one_per_cause
 from occontrol.core.errors import Path as Place
 from occontrol.core.problem import BaseProblem
+from occontrol.core.versions import newer
 from occontrol.files.positions import Text, at
 
 if TYPE_CHECKING:
@@ -147,6 +148,8 @@ def load_document(path: str | Path, families: Sequence[str], schema_of: Callable
         raise at(
             str(path), 1, 1, f"the file holds {shown(text.data)}, it must be a mapping", "begin with family: athans"
         )
+    if later := newer(text.data):
+        raise text.placed([later])
     family = text.data.get("family")
     known = list(families)
     if family not in known:

@@ -21,7 +21,7 @@ from occontrol.files.run_read import in_one_piece, open_file
 from occontrol.files.run_record import RESULT
 
 UNFINISHED = (Status.INTERRUPTED, Status.LIMIT)
-_NOT_ASKED = ("name", "method", "expect")
+_NOT_ASKED = ("schema_version", "name", "method", "expect")
 _EDGES = ("edges", "switch_times")  # what the families call the times at which sensors may change
 
 

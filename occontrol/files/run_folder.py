@@ -23,6 +23,7 @@ from occontrol.core.problem import BaseProblem
 from occontrol.core.result import PlainResult
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Certificate, Solution, Status
+from occontrol.core.versions import KEY, newer
 from occontrol.files.names import check_names
 from occontrol.files.plain_json import parse_json, to_json
 from occontrol.files.provenance import provenance
@@ -37,7 +38,7 @@ __all__ = [
     "ARRAYS", "KNOWN", "PROBLEM", "RESULT", "Placed", "check_writable", "locked", "place_run", "read_run", "write_run",
 ]  # fmt: skip
 _OWN_KEYS = (
-    "family", "status", "message", "method", "iterations", "seconds", "history", "versions", "digest", "files",
+    KEY, "family", "status", "message", "method", "iterations", "seconds", "history", "versions", "digest", "files",
 )  # fmt: skip
 
 
@@ -175,6 +176,8 @@ def _read(
     if not isinstance(content, dict) or any(key not in content for key in ("family", "status", "method")):
         what = "not the result of a run: family, status or method is missing"
         raise ProblemError(Mistake((), what, place=str(shown[RESULT])))
+    if later := newer(content):
+        raise ProblemError(replace(later, place=str(shown[RESULT])))
     if content["status"] not in list(Status):
         raise ProblemError(Mistake((), f"unknown status '{content['status']}'", place=str(shown[RESULT])))
     recorded = content.get("files")

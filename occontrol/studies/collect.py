@@ -11,6 +11,7 @@ from pathlib import Path
 
 from occontrol.core.errors import ProblemError
 from occontrol.core.kinds import Plain, PlainDict
+from occontrol.core.versions import stamped
 from occontrol.files.atomic import write_text
 from occontrol.files.plain_json import load_json, to_json
 from occontrol.files.spreadsheet import as_text
@@ -112,7 +113,7 @@ def write_collection(folder: StudyFolder, table: Table, figures: bool = True) ->
         write_text(folder.path / f"{TABLE}.csv", text.getvalue()),
         write_text(
             folder.path / f"{TABLE}.json",
-            to_json({"study": table.name, "axes": table.axes, "columns": table.columns, "rows": table.rows}),
+            to_json(stamped({"study": table.name, "axes": table.axes, "columns": table.columns, "rows": table.rows})),
         ),
     ]
     if figures:

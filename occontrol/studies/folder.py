@@ -11,12 +11,12 @@ import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from occontrol.core.errors import FileAccessError, Mistake, ProblemError
 from occontrol.core.kinds import Plain, PlainDict, PlainMapping
-from occontrol.core.solution import versions
+from occontrol.core.versions import newer, stamped, versions
 from occontrol.files.atomic import flush_folder, write_text
 from occontrol.files.owner import left_by_the_dead, mark
 from occontrol.files.plain_json import load_json, to_json
@@ -26,7 +26,6 @@ from occontrol.studies.tasks import Task
 MOST_TRIES = 3
 RECORD, TASKS, RESULTS, FAILURES = "study.json", "tasks", "results", "failures"
 PARTS = (TASKS, RESULTS, FAILURES)
-SCHEMA_VERSION = 1
 _IDENTITY = re.compile(r"[0-9a-f]{16}")
 
 
@@ -84,7 +83,6 @@ class StudyFolder:
             if not file.exists():
                 write_text(file, to_json(task.document))
         content = {
-            "schema_version": SCHEMA_VERSION,
             "study": study.path.stem,
             "base": study.base.name,
             "version": versions()["occontrol"],
@@ -93,7 +91,7 @@ class StudyFolder:
             "task_timeout": study.task_timeout,
             "tasks": [_listed(task) for task in tasks],
         }
-        write_text(record, to_json(content))
+        write_text(record, to_json(stamped(content)))
 
     def read(self) -> tuple[PlainDict, list[Entry]]:
         """The content of study.json and its tasks in order.
@@ -106,6 +104,8 @@ class StudyFolder:
         except OSError as error:
             hint = "occontrol sweep STUDY.yaml makes it"
             raise FileAccessError(f"cannot read {record}: {error.strerror or error}\n  hint: {hint}") from None
+        if isinstance(content, dict) and (later := newer(content)):
+            raise ProblemError(replace(later, place=str(record)))
         listed = content.get("tasks") if isinstance(content, dict) else None
         entries = [_entry(item) for item in listed] if isinstance(listed, list) else [None]
         if any(entry is None for entry in entries):

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from occontrol.core.errors import Mistake, Path, ProblemError
 from occontrol.core.kinds import Plain, PlainDict, PlainMapping
 from occontrol.core.problem import BaseProblem
-from occontrol.core.solution import versions
+from occontrol.core.versions import versions
 from occontrol.families import find_family, names
 from occontrol.files.plain_json import plain
 from occontrol.files.positions import Text, in_order

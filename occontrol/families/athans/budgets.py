@@ -15,6 +15,7 @@ import numpy as np
 from occontrol.core.errors import FileAccessError, InfeasibleError, ProblemError, SolveFailed, UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.core.solution import Solution, Status
+from occontrol.core.versions import stamped
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.methods import RelaxRoundPolish
 from occontrol.families.athans.result import AthansResult
@@ -171,7 +172,7 @@ def write_budgets(folder: str | Path, front: BudgetFront, figures: bool = True) 
 
     Returns the files written. Raises FileAccessError.
     """
-    folder, content = Path(folder), front.as_dict()
+    folder, content = Path(folder), stamped(front.as_dict())
     try:
         folder.mkdir(parents=True, exist_ok=True)
         written = [write_text(folder / "tradeoff.json", to_json(content))]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from occontrol.core.errors import FileAccessError
+from occontrol.core.versions import stamped
 from occontrol.files.atomic import replacing, write_text
 from occontrol.files.page.content import Curves, Group
 from occontrol.files.plain_json import to_json
@@ -28,7 +29,7 @@ def write_front(folder: str | Path, front: Front, figures: bool = True) -> list[
 
     Returns the files written. Raises FileAccessError.
     """
-    folder, content = Path(folder), front.as_dict()
+    folder, content = Path(folder), stamped(front.as_dict())
     try:
         folder.mkdir(parents=True, exist_ok=True)
         written = [write_text(folder / "tradeoff.json", to_json(content))]

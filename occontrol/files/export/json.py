@@ -9,6 +9,7 @@ import numpy as np
 
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
+from occontrol.core.versions import KEY, SCHEMA_VERSION
 from occontrol.files.atomic import write_text
 from occontrol.files.plain_json import to_json
 
@@ -24,6 +25,7 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
     target : the file
     """
     content = {
+        KEY: SCHEMA_VERSION,
         "name": problem.name,
         "family": problem.family,
         "method": solution.method,

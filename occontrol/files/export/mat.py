@@ -10,6 +10,7 @@ import numpy as np
 from occontrol.core.errors import UsageError
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
+from occontrol.core.versions import KEY, SCHEMA_VERSION
 from occontrol.files.atomic import replacing
 
 LONGEST = 31  # characters of a field's name that MATLAB reads
@@ -36,6 +37,7 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
         if np.asarray(value).nbytes > LARGEST:
             raise UsageError(f"the array {name} is too large for a .mat file\n  hint: --to npz")
     content = {
+        KEY: SCHEMA_VERSION,
         "name": problem.name,
         "family": problem.family,
         "method": solution.method,

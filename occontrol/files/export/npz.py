@@ -9,6 +9,7 @@ import numpy as np
 
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
+from occontrol.core.versions import KEY, SCHEMA_VERSION
 from occontrol.files.atomic import replacing
 
 
@@ -25,6 +26,7 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
     names = getattr(getattr(problem, "sensors", None), "names", [])
     content = {**solution.arrays, "sensors": np.array(list(names), dtype=np.str_)}
     content |= {f"filter_{name}": value for name, value in tables.items()}
+    content[KEY] = np.array(SCHEMA_VERSION)
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as file:
         np.savez_compressed(file, **content)  # type: ignore[arg-type]

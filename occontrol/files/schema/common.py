@@ -17,6 +17,7 @@ from occontrol.core.errors import Collector, Path
 from occontrol.core.kinds import Plain, PlainDict
 from occontrol.core.signal import Signal
 from occontrol.core.state_labels import default_names
+from occontrol.core.versions import SCHEMA_VERSION
 from occontrol.files.plain_json import plain as plain  # for the schemas of the families
 from occontrol.files.schema.constants import Constants as ConstantValues
 from occontrol.files.schema.matrices import MatrixReader
@@ -78,6 +79,7 @@ class ProblemDocument(Strict):
     """What the problem files of all families begin with."""
 
     family: str
+    schema_version: Whole = Field(SCHEMA_VERSION, ge=1, le=SCHEMA_VERSION, description="edition of the keys")
     name: str | None = None
     constants: Constants = None
 

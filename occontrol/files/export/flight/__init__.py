@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from occontrol.core.solution import versions
 from occontrol.core.target import TargetPlan
+from occontrol.core.versions import versions
 from occontrol.files.atomic import write_text
 from occontrol.files.export.flight.content import Content, Options, make_content
 from occontrol.files.export.flight.manifest import manifest, run_digest

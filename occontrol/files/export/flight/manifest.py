@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Mapping
 
 from occontrol.core.kinds import PlainDict
+from occontrol.core.versions import KEY, SCHEMA_VERSION
 from occontrol.files.export.flight.content import Content
 
 
@@ -66,6 +67,7 @@ def manifest(content: Content, texts: Mapping[str, str], digest: str, problem: s
     """
     plan, model = content.plan, content.plan.model
     return {
+        KEY: SCHEMA_VERSION,
         "run": digest,
         "problem": problem,
         "occontrol": version,

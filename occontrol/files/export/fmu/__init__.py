@@ -12,8 +12,8 @@ import zipfile
 from pathlib import Path
 
 from occontrol.core.errors import SolveFailed, UsageError
-from occontrol.core.solution import versions
 from occontrol.core.target import TargetPlan
+from occontrol.core.versions import versions
 from occontrol.files.atomic import write_bytes
 from occontrol.files.export.flight.content import Options, make_content
 from occontrol.files.export.flight.manifest import run_digest
