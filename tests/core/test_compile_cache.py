@@ -22,6 +22,7 @@ caching._CacheLocator.ensure_cache_path = no
 def said(folder: Path, before: str = "") -> list[str]:
     """The lines that a fresh process prints."""
     environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{folder}", "TMPDIR": str(folder)}
+    environment.pop("NUMBA_CACHE_DIR", None)  # the cache is looked for beside the module
     done = subprocess.run(
         [sys.executable, "-c", before + USE], env=environment, capture_output=True, text=True, check=True
     )

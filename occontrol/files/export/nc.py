@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -30,6 +30,7 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
         axes = [f"filter_{name}_{place + 1}" for place in range(value.ndim)]
         content[f"filter_{name}"] = (axes, value)
     target.parent.mkdir(parents=True, exist_ok=True)
-    buffer = io.BytesIO()
-    content.to_netcdf(buffer, engine="h5netcdf")
-    return [write_bytes(target, buffer.getvalue())]
+    with TemporaryDirectory() as folder:  # before 2025.5 xarray closes a buffer that it wrote to
+        path = Path(folder) / "run.nc"
+        content.to_netcdf(path, engine="h5netcdf")
+        return [write_bytes(target, path.read_bytes())]
