@@ -55,10 +55,12 @@ def montecarlo(
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "montecarlo.json", to_json(content))
     if figures:
+        from occontrol.files.figures.policies import draw
+
         rows = [{"policy": name, **row} for name, row in content["policies"].items()]
         write_records_page(
             folder / "montecarlo.html", str(problem.name), "policies in closed loop", rows,
-            {"montecarlo": family.monte_carlo_figure(found)}, sentences=[content["verdict"]],
+            {"montecarlo": draw(found)}, sentences=[content["verdict"]],
         )  # fmt: skip
     if json:
         print_json(content)

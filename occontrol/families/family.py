@@ -19,7 +19,8 @@ from occontrol.core.problem import BaseProblem
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Tradeoff
 from occontrol.core.trajectory import Trajectory
-from occontrol.families.abilities import Ability, Work
+from occontrol.families.abilities import Ability
+from occontrol.families.closed_loop import ClosedLoop
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 NOTHING = Asked()
 
 
-class Family(Protocol):
+class Family(ClosedLoop, Protocol):
     """One family of problems.
 
     Attributes
@@ -231,21 +232,6 @@ class Family(Protocol):
     def sensitivity_figure(self, found: ResultData) -> Figure:
         """A picture of what `sensitivity` found."""
         self._cannot(Ability.SENSITIVITY)
-
-    def monte_carlo(
-        self, problem: BaseProblem, solution: Solution, policies: Sequence[str] | None, runs: int, seed: int,
-        monitor: Monitor, work: Work | None = None,
-    ) -> ResultData:  # fmt: skip
-        """Policies side by side on simulated runs; `work` does batches of seeds, in their order."""
-        self._cannot(Ability.CLOSED_LOOP)
-
-    def monte_carlo_batch(self, problem: BaseProblem, solution: Solution, policies: Sequence[str], seeds: Sequence):
-        """What `work` does with one batch: outcomes and milliseconds by policy."""
-        self._cannot(Ability.CLOSED_LOOP)
-
-    def monte_carlo_figure(self, found: ResultData) -> Figure:
-        """A picture of what `monte_carlo` found."""
-        self._cannot(Ability.CLOSED_LOOP)
 
     # ---- what follows from the above
 

@@ -14,7 +14,7 @@ from occontrol.api import family_of
 from occontrol.core.errors import SolveFailed
 from occontrol.core.problem import BaseProblem
 from occontrol.core.solution import Solution
-from occontrol.families.family import Work
+from occontrol.families.abilities import Work
 from occontrol.studies.engines.local import begin_worker, single_threads
 
 _at: list[tuple[BaseProblem, Solution]] = []

@@ -15,6 +15,8 @@ from occontrol.studies.folder import Entry, StudyFolder
 class TaskQueue:
     """Tasks that are still to be done, those first that need wait for nothing.
 
+    What has failed before is tried last: whatever ends workers early would else meet the same task at every start.
+
     Parameters
     ----------
     folder : of the study
@@ -23,7 +25,7 @@ class TaskQueue:
 
     def __init__(self, folder: StudyFolder, entries: Iterable[Entry]) -> None:
         self._folder = folder
-        self._waiting = deque(entries)
+        self._waiting = deque(sorted(entries, key=lambda entry: len(folder.failures(entry.identity))))
 
     def __len__(self) -> int:
         return len(self._waiting)

@@ -18,6 +18,7 @@ from occontrol.studies import read_study
 from occontrol.studies.engines import local
 from occontrol.studies.engines.local import run_here
 from occontrol.studies.folder import StudyFolder
+from occontrol.studies.queue import TaskQueue
 from occontrol.studies.run_task import run_task
 from occontrol.studies.tasks import plan
 from tests.studies.study_texts import VARY, write_study
@@ -63,6 +64,18 @@ def test_a_failed_task_keeps_its_words_and_is_tried_three_times(tmp_path: Path, 
     said = folder.failures(entries[0].identity)
     assert len(said) == 3 and all("JSON" in words for words in said)
     assert folder.missing(entries[:1]) == []
+
+
+def test_what_has_failed_is_tried_behind_all_others(tmp_path: Path) -> None:
+    folder = prepared(tmp_path)
+    _, entries = folder.read()
+    for entry, times in ((entries[0], 2), (entries[1], 1)):
+        for _ in range(times):
+            folder.failed(entry.identity, "killed")
+    queue, order = TaskQueue(folder, folder.missing(entries)), []
+    while (entry := queue.take()) is not None:
+        order.append(entry.identity)
+    assert order == [e.identity for e in (*entries[2:], entries[1], entries[0])]
 
 
 @pytest.mark.slow

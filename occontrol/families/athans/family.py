@@ -15,6 +15,7 @@ from occontrol.core.measurement import OnlineLoop
 from occontrol.core.method import Method
 from occontrol.core.result import ResultData
 from occontrol.core.solution import Tradeoff
+from occontrol.families.abilities import Work
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.endless.half import ENDLESS_TARGETS
 from occontrol.families.athans.endless.problem import EndlessTargetsProblem
@@ -25,7 +26,7 @@ from occontrol.families.athans.rate import RATE, RateFamily, schedule_of
 from occontrol.families.athans.readings.half import READINGS, refuse
 from occontrol.families.athans.targets.half import TARGETS
 from occontrol.families.athans.targets.problem import TargetsProblem
-from occontrol.families.family import Family, Work
+from occontrol.families.family import Family
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -212,7 +213,9 @@ class AthansFamily(RateFamily):
         monitor: Monitor,
         work: Work | None = None,
     ) -> ResultData:
-        """Policies side by side on simulated runs of a problem of readings; UsageError for continuous sensing."""
+        """Policies side by side on simulated runs; methods side by side where sensing is continuous."""
+        if not problem.takes_readings:
+            return super().monte_carlo(problem, solution, policies, runs, seed, monitor, work)
         from occontrol.families.athans.replanning.monte_carlo import compare
 
         return compare(problem, solution, policies, runs, seed, monitor, work)  # type: ignore[arg-type]
@@ -221,16 +224,25 @@ class AthansFamily(RateFamily):
         self, problem: AthansProblem, solution: Solution, policies: Sequence[str], seeds: Sequence[SeedSequence]
     ) -> tuple[dict, dict]:
         """Outcomes of a few runs of each policy, and the milliseconds of its decisions."""
+        if not problem.takes_readings:
+            return super().monte_carlo_batch(problem, solution, policies, seeds)
         from occontrol.families.athans.replanning.monte_carlo import simulated
 
         return simulated(problem, solution, policies, seeds)  # type: ignore[arg-type]
 
-    def monte_carlo_figure(self, found: ResultData) -> Figure:
-        """Errors with their confidence, and what diverged."""
-        from occontrol.families.athans.replanning.figures import draw
+    def squared_error(self, problem: AthansProblem, estimate: Estimate, truth: Trajectory) -> float:
+        """The objective's own: running and terminal squared error of a run with continuous sensing."""
+        from occontrol.families.athans.replanning.continuous import charged
+        from occontrol.families.flights import errors
 
-        return draw(found)
+        return charged(problem, errors(estimate, truth), estimate.times)  # type: ignore[arg-type]
 
+    def paid(self, problem: AthansProblem, solution: Solution) -> float:
+        """The observation cost of a plan as the objective weighs it."""
+        from occontrol.families.athans.readings.ruled import WEIGHTS
+
+        weight = WEIGHTS.get(problem.minimise, problem.cost_weight)  # type: ignore[attr-defined]
+        return float(weight * getattr(solution.numbers, "observation_cost", 0.0))
 
 
 def _nonlinear(problem: AthansProblem, what: str) -> bool:

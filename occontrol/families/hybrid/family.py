@@ -44,7 +44,7 @@ class Hybrid(Family):
     columns: ClassVar[Sequence[str]] = ("average_rms", "peak_rms", "mode_errors", "average_nees")
     compared_curve: ClassVar[tuple[str, str, str] | None] = ("times", "rms", "RMS position error")
     abilities: ClassVar[frozenset[Ability]] = frozenset(
-        {Ability.SIMULATE, Ability.FILTER, Ability.COMPARE, Ability.MONTE_CARLO}
+        {Ability.SIMULATE, Ability.FILTER, Ability.COMPARE, Ability.MONTE_CARLO, Ability.CLOSED_LOOP}
     )
     begins_anew: ClassVar[str] = "a result holds the averages over its runs, not the runs"
     seed_paths: ClassVar[Sequence[str]] = ("simulation.seed",)

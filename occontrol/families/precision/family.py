@@ -34,7 +34,9 @@ class Precision(Family):
     title: ClassVar[str] = "least sensor precision in ensemble and unscented filters (Das & Bhattacharya)"
     methods: ClassVar[Mapping[str, type]] = METHODS
     compared: ClassVar[Sequence[str]] = ("barrier", "clarabel", "uniform")
-    abilities: ClassVar[frozenset[Ability]] = frozenset({Ability.SIMULATE, Ability.FILTER, Ability.COMPARE})
+    abilities: ClassVar[frozenset[Ability]] = frozenset(
+        {Ability.SIMULATE, Ability.FILTER, Ability.COMPARE, Ability.CLOSED_LOOP}
+    )
     begins_anew: ClassVar[str] = "an interior-point method starts well inside, a point near the optimum is no help"
     seed_paths: ClassVar[Sequence[str]] = ("filter.seed",)
     problem_type: ClassVar[type] = Problem

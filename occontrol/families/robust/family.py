@@ -44,7 +44,7 @@ class Robust(Family):
     estimate_band: ClassVar[tuple[float, str]] = (1.0, "every state that the data allow")
     compared_curve: ClassVar[tuple[str, str, str] | None] = ("fine_times", "fine_size", "size, worst case up to t")
     abilities: ClassVar[frozenset[Ability]] = frozenset(
-        {Ability.CERTIFY, Ability.SIMULATE, Ability.FILTER, Ability.ONLINE, Ability.COMPARE}
+        {Ability.CERTIFY, Ability.SIMULATE, Ability.FILTER, Ability.ONLINE, Ability.COMPARE, Ability.CLOSED_LOOP}
     )
     problem_type: ClassVar[type] = Problem
     result_type: ClassVar[type] = SwitchingResult

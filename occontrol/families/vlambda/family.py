@@ -43,7 +43,7 @@ class VLambda(Family):
     columns: ClassVar[Sequence[str]] = ("sum_largest_eigenvalue", "sum_trace", "peak_largest_eigenvalue")
     compared_curve: ClassVar[tuple[str, str, str] | None] = ("times", "largest_eigenvalue", "λmax P(k|k)")
     abilities: ClassVar[frozenset[Ability]] = frozenset(
-        {Ability.CERTIFY, Ability.SIMULATE, Ability.FILTER, Ability.ONLINE, Ability.COMPARE}
+        {Ability.CERTIFY, Ability.SIMULATE, Ability.FILTER, Ability.ONLINE, Ability.COMPARE, Ability.CLOSED_LOOP}
     )
     problem_type: ClassVar[type] = Problem
     result_type: ClassVar[type] = SelectionResult

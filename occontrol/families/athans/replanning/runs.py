@@ -18,6 +18,7 @@ from occontrol.families.athans.replanning.filter import normalised, predicted, s
 from occontrol.families.athans.replanning.policies import Policy, watches
 from occontrol.families.athans.replanning.ruled import changes_price
 from occontrol.numerics.linalg import square_root
+from occontrol.scheduling.closed_loop.outcomes import Outcomes
 
 GONE = 1e150  # an estimate beyond it has left the numbers: its run goes on without readings
 
@@ -62,47 +63,6 @@ def luck_of(chain: LinearChain | NonlinearChain, seeds: Sequence[np.random.SeedS
         )
     start, spans, readings, choices = (np.array(part) for part in zip(*parts, strict=True))
     return Luck(start, spans, readings, choices)
-
-
-@dataclass(frozen=True, eq=False)
-class Outcomes:
-    """What B runs of one policy came to.
-
-    Parameters
-    ----------
-    error : (B,) running plus terminal squared error, weighted as the objective weighs covariances
-    price : (B,) of the readings and changes, as the objective weighs them
-    nees : (B,) mean of e' P^-1 e / n over the readings
-    nis : (B,) mean of the normalised innovation squared per value
-    lost : (B,) readings that brought nothing
-    readings : (B,) that brought something
-    plans, late : (B,) new plans, and those of them that the deadline has cut off
-    """
-
-    error: np.ndarray
-    price: np.ndarray
-    nees: np.ndarray
-    nis: np.ndarray
-    lost: np.ndarray
-    readings: np.ndarray
-    plans: np.ndarray
-    late: np.ndarray
-
-    @property
-    def cost(self) -> np.ndarray:
-        """(B,) error and price together: what the plan makes small."""
-        return self.error + self.price
-
-    @staticmethod
-    def joined(parts: Sequence[Outcomes]) -> Outcomes:
-        """One after the other.
-
-        Parameters
-        ----------
-        parts : of consecutive runs
-        """
-        names = Outcomes.__dataclass_fields__
-        return Outcomes(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 class Charges:

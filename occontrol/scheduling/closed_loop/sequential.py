@@ -65,7 +65,7 @@ def decided(costs: Mapping[str, np.ndarray], z: float) -> bool:
     return True
 
 
-def verdict(table: PlainDict, done: int, ended: bool, z: float) -> str:
+def verdict(table: PlainDict, done: int, ended: bool, z: float, judged: str = "cost") -> str:
     """In words what the numbers say.
 
     Parameters
@@ -74,11 +74,12 @@ def verdict(table: PlainDict, done: int, ended: bool, z: float) -> str:
     done : runs that were made
     ended : whether it was decided before all runs were made
     z : of `quantile`
+    judged : what is compared, in a word
     """
     said, nominal = [], table.get("nominal")
     for name, row in table.items():
         if nominal is not None and name != "nominal" and row.get("difference_error") is not None:
-            said.append(f"{name}: {_about(name, row, nominal, z)}")
+            said.append(f"{name}: {_about(name, row, nominal, z, judged)}")
     begin = f"decided after {done} runs" if ended else f"{done} runs"
     if not said:
         return f"{begin}. "
@@ -86,7 +87,7 @@ def verdict(table: PlainDict, done: int, ended: bool, z: float) -> str:
     return f"{begin}{together}. {'; '.join(said)}."
 
 
-def _about(name: str, row: PlainDict, nominal: PlainDict, z: float) -> str:
+def _about(name: str, row: PlainDict, nominal: PlainDict, z: float, judged: str) -> str:
     """What is said of one policy."""
     replanned = name == "replanned"
     if not row["difference_error"]:
@@ -97,7 +98,7 @@ def _about(name: str, row: PlainDict, nominal: PlainDict, z: float) -> str:
     if abs(away) < z:
         text = f"no difference to the nominal plan is seen ({share:+.2%} +- {interval:.2%})"
     else:
-        text = f"{'less' if away < 0 else 'more'} cost than the nominal plan ({share:+.2%} +- {interval:.2%})"
+        text = f"{'less' if away < 0 else 'more'} {judged} than the nominal plan ({share:+.2%} +- {interval:.2%})"
     if replanned:
         pays = away < -z and row["diverged"] <= nominal["diverged"]
         text += ": replanning pays" if pays else ": replanning does not pay"

@@ -22,7 +22,7 @@ def draw(found: ResultData) -> Figure:
         figure = style.new_figure((13.33, 2.4 + 0.45 * len(names)), found.name, f"{found.runs} runs, bars: 95 %")
         left, middle, right = figure.subplots(1, 3, sharey=True)
         _errors(left, rows)
-        _differences(middle, rows)
+        _differences(middle, rows, found.judged)
         values = [100 * row["diverged"] for row in rows]
         right.barh(range(len(rows)), values, color=style.GREY, height=0.5)
         right.set_xlim(0, max(5.0, 1.15 * max(values)))
@@ -44,7 +44,7 @@ def _errors(axes: Axes, rows: list[dict]) -> None:
     axes.grid(axis="x")
 
 
-def _differences(axes: Axes, rows: list[dict]) -> None:
+def _differences(axes: Axes, rows: list[dict], judged: str) -> None:
     axes.axvline(0, color="#555555", lw=0.8)
     keys = ("difference", "difference_error")
     shown = [(i, *(row[key] for key in keys)) for i, row in enumerate(rows) if row.get(keys[1])]
@@ -53,5 +53,5 @@ def _differences(axes: Axes, rows: list[dict]) -> None:
     size = max((abs(mean) + 2 * error for _, mean, error in shown), default=1.0)
     if shown and size > 50 * min(abs(mean) + 2 * error for _, mean, error in shown):
         axes.set_xscale("symlog", linthresh=size / 100)
-    axes.set_xlabel("difference in cost to the nominal plan, paired")
+    axes.set_xlabel(f"difference in {judged} to the nominal plan, paired")
     axes.grid(axis="x")

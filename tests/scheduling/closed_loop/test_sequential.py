@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from occontrol.families.athans.replanning.sequential import ERROR, decided, looks_at, quantile, standard_error, verdict
+from occontrol.scheduling.closed_loop.sequential import ERROR, decided, looks_at, quantile, standard_error, verdict
 
 
 def ended(base: np.ndarray, others: np.ndarray) -> tuple[int, list[bool]]:

@@ -1,0 +1,1 @@
+"""Policies side by side on simulated runs, whoever simulates them: outcomes, confidence, when it is decided."""
