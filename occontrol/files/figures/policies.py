@@ -26,6 +26,8 @@ def draw(found: ResultData) -> Figure:
         values = [100 * row["diverged"] for row in rows]
         right.barh(range(len(rows)), values, color=style.GREY, height=0.5)
         right.set_xlim(0, max(5.0, 1.15 * max(values)))
+        if not any(values):
+            right.text(0.5, 0.5, "none", transform=right.transAxes, ha="center", color="#555555")
         right.set_xlabel("runs that diverged, %")
         left.set_yticks(range(len(names)), names)
         left.invert_yaxis()
