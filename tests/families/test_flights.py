@@ -101,8 +101,8 @@ def test_a_filter_that_knows_its_covariance_is_consistent() -> None:
 
 def test_all_that_can_be_flown_is_flown_and_shares_are_not(rate: Path) -> None:
     found, _, family = flown(rate, None, 2)
-    assert list(found.policies)[0] == "nominal" and "relaxed" not in found.policies and "greedy" in found.policies
-    with pytest.raises(UsageError, match="there is no method|no method"):
+    assert next(iter(found.policies)) == "nominal" and "relaxed" not in found.policies and "greedy" in found.policies
+    with pytest.raises(UsageError, match="no method"):
         flights.policies_of(family, oc.read_problem(rate), ["nominal", "roundrobin"])
 
 
