@@ -17,8 +17,8 @@ def charged(problem: SchedulingProblem, error: np.ndarray, times: np.ndarray) ->
     Parameters
     ----------
     problem : SchedulingProblem
-    error : truth less estimate
-    times : of the filter, from the start to the end of the horizon
+    error : (K, n) truth less estimate
+    times : (K,) of the filter, from the start to the end of the horizon
     """
     at, end = float(problem.predict_at), float(times[-1])  # type: ignore[arg-type]
     D = problem.output.at(at)
