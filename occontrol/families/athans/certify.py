@@ -38,6 +38,15 @@ def certify(problem: SchedulingProblem, schedule: Schedule, claims: Claims | Non
     Raises ProblemError, in the words of the reader of schedule files, when the schedule does not cover the horizon,
     breaks a window, names an unknown sensor or does not use `select` sensors at a time.
     """
+    if not problem.prior:
+        from occontrol.families.athans.criteria.rate_design import judge_rate_design
+
+        problem, weights = on_common_grid(problem, as_read(schedule, problem))
+        problem.require_feasible()
+        if not problem.ruled and (mistakes := feasible_set(problem).check(weights)):
+            raise ProblemError(mistakes)
+        solution, known = judge_rate_design(problem, weights, getattr(problem.method, "relative_gap", 1e-4))
+        return _refuted(solution, claims, known)
     if problem.measured and problem.ruled:
         from occontrol.families.athans.criteria.ruled_rate import judge_ruled_rate
 

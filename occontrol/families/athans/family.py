@@ -22,8 +22,8 @@ from occontrol.families.athans.endless.problem import EndlessTargetsProblem
 from occontrol.families.athans.nonlinear.linearise import linearisation_of
 from occontrol.families.athans.periodic.half import PERIODIC
 from occontrol.families.athans.periodic.problem import PeriodicProblem
-from occontrol.families.athans.rate import RATE, RateFamily, schedule_of
-from occontrol.families.athans.readings.half import READINGS, refuse
+from occontrol.families.athans.rate import RATE, RateFamily, refuse, schedule_of
+from occontrol.families.athans.readings.half import READINGS
 from occontrol.families.athans.targets.half import TARGETS
 from occontrol.families.athans.targets.problem import TargetsProblem
 from occontrol.families.family import Family

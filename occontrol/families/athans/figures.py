@@ -36,7 +36,7 @@ def draw(problem: SchedulingProblem, solution: Solution) -> dict[str, Figure]:
     with style.house_style():
         figures = {
             "overview": overview(
-                problem, solution, (_draw_schedule, _draw_states, _draw_switching), _switches(solution)
+                problem, solution, (draw_schedule, _draw_states, _draw_switching), switches_of(solution)
             ),
             "schedule": _schedule(problem, solution),
             "deviations": _deviations(problem, solution),
@@ -83,7 +83,16 @@ def _windows(problem: SchedulingProblem, schedule: Schedule) -> np.ndarray | Non
     return None if np.all(available) or len(available) != len(schedule.weights) else available
 
 
-def _draw_schedule(axes: Axes, problem: SchedulingProblem, solution: Solution, label: bool = True) -> None:
+def draw_schedule(axes: Axes, problem: SchedulingProblem, solution: Solution, label: bool = True) -> None:
+    """Who measures when, and inside which windows.
+
+    Parameters
+    ----------
+    axes : Axes
+    problem : SchedulingProblem
+    solution : Solution with a schedule
+    label : whether the axis of time is labelled
+    """
     schedule = solution.schedule
     if schedule is None:
         return
@@ -178,7 +187,7 @@ def _switching_title(switching: np.ndarray, used: np.ndarray | None) -> str:
 def _schedule(problem: SchedulingProblem, solution: Solution) -> Figure:
     rows = min(len(problem.sensors), 40)
     figure = style.new_figure((12, min(9.0, 2.2 + 0.36 * rows)), problem.name, subtitle(problem, solution))
-    _draw_schedule(figure.subplots(), problem, solution)
+    draw_schedule(figure.subplots(), problem, solution)
     return figure
 
 
@@ -203,7 +212,8 @@ def _switching(problem: SchedulingProblem, solution: Solution) -> Figure:
     return figure
 
 
-def _switches(solution: Solution) -> list[str]:
+def switches_of(solution: Solution) -> list[str]:
+    """Lines on the switches of a `solution` for its overview."""
     schedule = solution.schedule
     if schedule is None:
         return []

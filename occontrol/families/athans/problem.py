@@ -20,6 +20,7 @@ from occontrol.core.signal import Signal, TableSignal, as_signal
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.criteria.statement import CriterionChoice
 from occontrol.families.athans.criteria.statement import mistakes_of as wrong_criterion
+from occontrol.families.athans.criteria.without_prior import wrong_without_prior
 from occontrol.families.athans.integration.edges import fitted_edges, missed_windows
 from occontrol.families.athans.integration.options import Integration
 from occontrol.families.athans.rules.statement import Constraints
@@ -51,6 +52,7 @@ class SchedulingProblem(AthansProblem):
     minimise : "cost", "error" (without the observation cost) or "observation" (that alone, not weighted)
     calendar : what the times are as dates, or None
     criterion : CriterionChoice of the outputs' covariance; None is its trace
+    prior : False where nothing is known at the start; the plant's covariance is then not looked at
 
     Ends of windows and jumps of held tables become edges beside those given, see `added_edges` and Integration.
     Raises ProblemError naming every mistake; `require_feasible` raises InfeasibleError.
@@ -74,6 +76,7 @@ class SchedulingProblem(AthansProblem):
     minimise: str = "cost"
     calendar: Calendar | None = None
     criterion: CriterionChoice | None = None
+    prior: bool = True
     family: str = field(default="athans", init=False)
     added_edges: tuple[tuple[float, str], ...] = field(default=(), init=False, repr=False)
     warnings: tuple[str, ...] = field(default=(), init=False, repr=False)
@@ -103,6 +106,7 @@ class SchedulingProblem(AthansProblem):
         found.mistakes += rule_mistakes(self.rules, self.minimise, self.sensors, self.select)
         found.mistakes += self._shapes()
         if not found.mistakes:
+            found.mistakes += wrong_without_prior(self, np.sort(np.concatenate([self.edges, self.midpoints])))
             found.mistakes += self._fit_edges()
         found.mistakes += self._values({m.path for m in found.mistakes})
         found.raise_if_any()

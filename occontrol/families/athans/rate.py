@@ -61,6 +61,10 @@ class RateFamily(Family):
         from occontrol.families.athans.discretise import feasible_set
         from occontrol.families.athans.integration.refine import search_space
 
+        if not problem.prior:
+            from occontrol.families.athans.criteria.rate_design import solve_rate_design
+
+            return solve_rate_design(problem, method, monitor)
         if problem.measured:
             if problem.ruled:
                 from occontrol.families.athans.criteria.ruled_rate import solve_ruled_rate
@@ -111,9 +115,10 @@ class RateFamily(Family):
 
     def figures(self, problem: SchedulingProblem, solution: Solution) -> dict[str, Figure]:
         """overview, and the panels of it by themselves."""
+        from occontrol.families.athans.criteria.figures_rate import draw_rate_design
         from occontrol.families.athans.figures import draw
 
-        return draw(problem, solution)
+        return draw(problem, solution) if problem.prior else draw_rate_design(problem, solution)
 
     def groups(self, problem: SchedulingProblem, solution: Solution) -> list[Group]:
         """The panels of the page of a schedule."""
@@ -145,6 +150,7 @@ class RateFamily(Family):
         """A true trajectory of the continuous plant and what the scheduled sensors report of it."""
         from occontrol.families.athans.filter.simulate import simulate
 
+        refuse(problem, "simulate")
         return simulate(problem, schedule_of(solution), seed)
 
     def run_filter(
@@ -162,6 +168,7 @@ class RateFamily(Family):
         from occontrol.families.athans.filter.kalman_bucy import run_filter
         from occontrol.families.athans.filter.planned import default_model
 
+        refuse(problem, "the filter of continuous sensing")
         return run_filter(problem, schedule_of(solution), measurements, model or default_model(solution.result), gate)
 
     def online(
@@ -176,6 +183,7 @@ class RateFamily(Family):
         if solution is None:
             what = "the on-line filter of family athans follows the schedule of a solution"
             raise UsageError(f"{what}\n  hint: online(problem, solve(problem))")
+        refuse(problem, "the on-line filter")
         return MatchedFilter(problem, schedule_of(solution))
 
     def filter_loop(
@@ -185,6 +193,7 @@ class RateFamily(Family):
         from occontrol.families.athans.filter.online import MatchedFilter
         from occontrol.families.athans.filter.planned import default_model
 
+        refuse(problem, "the filter step by step")
         return MatchedFilter(problem, schedule_of(solution), model or default_model(solution.result), gate=gate)
 
     def filter_tables(self, problem: SchedulingProblem, solution: Solution) -> PlainDict:
@@ -192,7 +201,7 @@ class RateFamily(Family):
         from occontrol.families.athans.filter.planned import default_model
         from occontrol.families.athans.filter.tables import filter_tables
 
-        if solution.schedule is None:
+        if solution.schedule is None or not problem.prior:
             return {}
         return filter_tables(problem, schedule_of(solution), default_model(solution.result))
 
@@ -201,12 +210,14 @@ class RateFamily(Family):
         from occontrol.families.athans.filter.planned import default_model
         from occontrol.families.athans.filter.target import target_plan
 
+        refuse(problem, "code on a target")
         return target_plan(problem, schedule_of(solution), default_model(solution.result))
 
     def tradeoff(self, problem: SchedulingProblem, cost_weights: Sequence[float], monitor: Monitor) -> Front:
         """Observation cost against prediction error over the cost weight alpha; UsageError for rules."""
         from occontrol.families.athans.tradeoff import tradeoff
 
+        refuse(problem, "tradeoff")
         if problem.criterion is not None and problem.measured:
             what = f"tradeoff does not do the criterion {problem.criterion.name}"
             raise UsageError(f"{what}\n  hint: solve with several values of objective.cost_weight")
@@ -233,6 +244,7 @@ class RateFamily(Family):
         ways = {"vlambda": as_selection, "robust": as_uncertain}
         if family not in ways or not isinstance(problem, SchedulingProblem):
             return super().converted(problem, family, asked)
+        refuse(problem, "conversion")
         return ways[family](problem, asked)
 
     def sensitivity(
@@ -249,6 +261,18 @@ class RateFamily(Family):
         from occontrol.families.athans.sensitivity import Sensitivities
 
         return draw(Sensitivities.from_dict(found.as_dict()))
+
+
+def refuse(problem: AthansProblem, what: str) -> None:
+    """UsageError for what needs an initial covariance.
+
+    Parameters
+    ----------
+    problem : of the family
+    what : the name of that
+    """
+    if not problem.prior:
+        raise UsageError(f"{what} needs an initial covariance, and this problem has none")
 
 
 def schedule_of(solution: Solution | None) -> Schedule:

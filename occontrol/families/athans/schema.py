@@ -35,6 +35,7 @@ from occontrol.families.athans.readings.documents import SamplesDocument, StepsD
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.families.athans.rules.schema import ConstraintKeys, SensorKeys, constraints
 from occontrol.families.athans.schema_parts import (
+    NONE,
     Plant,
     Select,
     edges_of,
@@ -177,9 +178,6 @@ def build(
     least, most = select if isinstance(select, tuple) else (0, 1 if select is None else select)
     if isinstance(select, tuple) and IDLE not in document.sensors:
         sensors.append(idle_sensor(states))
-    if not has_prior(document.plant.initial, getattr(document.plant, "parameters", None)):
-        what, where = "initial.covariance is none: continuous sensing needs a prior", ("plant", "initial", "covariance")
-        found.add(where, what, "a large covariance; or sensing: samples, with budget: {..}")
     if plant is None:
         raise ProblemError(found.mistakes)
     # stand-ins for what is already known to be wrong let the problem look at all the rest
@@ -202,6 +200,7 @@ def build(
         minimise=objective.minimise,
         calendar=context.calendar,
         criterion=choice_of(objective.criterion),
+        prior=has_prior(document.plant.initial, getattr(document.plant, "parameters", None)),
         integration=Integration(**{f.name: getattr(document.horizon, f.name) for f in fields(Integration)}),
     )
     if edges is None:
@@ -241,11 +240,14 @@ def document(problem: SchedulingProblem | ReadingsProblem | TargetsProblem | Per
     plant, linearised = problem.plant, linearisation_of(problem)
     horizon = {"edges": problem.edges.tolist(), "predict_at": problem.predict_at, **problem.integration.as_dict()}
     horizon |= {} if problem.calendar is None else problem.calendar.document()
+    system = plant_document(plant) if linearised is None else written.plant_document(linearised)
+    if not problem.prior and linearised is None:
+        system["initial"] = {"mean": plant.mean.tolist(), "covariance": NONE}
     result = {
         "family": "athans",
         "name": problem.name,
         "horizon": horizon,
-        "plant": plant_document(plant) if linearised is None else written.plant_document(linearised),
+        "plant": system,
         "sensors": [_sensor_document(sensor, problem) for sensor in problem.sensors],
         "select": [int(problem.least), int(problem.select)] if problem.least else int(problem.select),
         "constraints": None if problem.rules is None else problem.rules.document(),

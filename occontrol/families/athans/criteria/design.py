@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,23 +12,23 @@ from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
 from occontrol.core.printed import rounded_down
 from occontrol.core.solution import Solution, Status
-from occontrol.core.state_labels import state_names
 from occontrol.families.athans.criteria.design_arrays import arrays_of, equivalence_of
 from occontrol.families.athans.criteria.design_search import HuntedDesign, hunt_design
+from occontrol.families.athans.criteria.experiment import TOO_FEW, informed
 from occontrol.families.athans.criteria.plain_information import plain_information_cost
-from occontrol.families.athans.criteria.statement import LARGEST, LOG_TRACE, LOGDET, SCHATTEN, CriterionChoice
+from occontrol.families.athans.criteria.ruled_design import Handed, RuledDesign, search_design
 from occontrol.families.athans.methods import Relaxed, RelaxRoundPolish
 from occontrol.families.athans.readings.assembly import Verdict, checked, collect_numbers, remark_on
 from occontrol.families.athans.readings.fill import Filled, feasible_set, fill, terminal_output
 from occontrol.families.athans.readings.problem import ReadingsProblem
-from occontrol.scheduling.criteria import LargestEigenvalue, LogDeterminant, LogTrace, Schatten, independent_outputs
-from occontrol.scheduling.criterion import Criterion, TraceCriterion
+from occontrol.families.athans.readings.rules import frame_of, require_kept
+from occontrol.families.athans.rules.certify import require_whole
+from occontrol.families.athans.rules.columns import on_of
 from occontrol.scheduling.information import InformationObjective, prove_information
-from occontrol.scheduling.seen import Unseen, reduced, seen_from_start
+from occontrol.scheduling.proof import Proof
+from occontrol.scheduling.seen import seen_from_start
 
-NAMED = 1e-6  # of the largest: what of a direction is told
-UNSEEN = "no schedule sees the direction {direction} of the states at the start, and an output needs it"
-TOO_FEW = "no schedule of these readings determines every state that the outputs need"
+WEIGHTS = {"error": 0.0}  # of the observation cost, where it is not the problem's own
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +37,13 @@ class Experiment:
 
     Parameters
     ----------
+    problem : with the observation cost weighted as it counts
     filled : as a recursion, in balanced units
     objective : the true one
     note : what is to be said about it
     """
 
+    problem: ReadingsProblem
     filled: Filled
     objective: InformationObjective
     note: str
@@ -58,40 +59,12 @@ def experiment_of(problem: ReadingsProblem) -> Experiment:
     Raises InfeasibleError, with the direction, where no schedule sees what an output needs.
     """
     problem.require_feasible()
-    filled = fill(problem)
+    inner = replace(problem, cost_weight=WEIGHTS.get(problem.minimise, problem.cost_weight))
+    filled = fill(inner)
     r = filled.recursion
-    unknown = problem.unknown
-    seen = seen_from_start(r, filled.units.out_of(terminal_output(problem)[0])).of(unknown)
-    try:
-        kept, inner = reduced(seen, problem.upper)
-    except Unseen as unseen:
-        whole = np.zeros(problem.states)
-        whole[unknown] = unseen.direction
-        direction = filled.units.inverse.vector(whole)
-        hint = "hint: a sensor that sees it, another output, or an initial covariance"
-        raise InfeasibleError(f"{UNSEEN.format(direction=spelt(direction, state_names(problem)))}\n  {hint}") from None
-    note = ""
-    if kept.shape[1] < len(kept):
-        note = f"{len(kept) - kept.shape[1]} directions of the states that no reading sees are needed by no output."
-    output, choice = inner.output, problem.criterion or CriterionChoice()
-    criterion: Criterion = TraceCriterion(output.T @ output)
-    if choice.name == LOGDET:
-        every = InformationObjective(inner, criterion, r.decision_cost, r).design.covariance(problem.upper)
-        independent = independent_outputs(output, every) if every is not None else output
-        if len(independent) < len(output):
-            count = len(independent)
-            note += f" {len(output)} outputs have only {count} independent errors: the determinant is theirs."
-        criterion = LogDeterminant(independent)
-    elif choice.name == LARGEST:
-        criterion = LargestEigenvalue(output)
-    elif choice.name == LOG_TRACE:
-        criterion = LogTrace(output)
-    elif choice.name == SCHATTEN:
-        criterion = Schatten(output, choice.power)
-    objective = InformationObjective(inner, criterion, r.decision_cost, r)
-    if not np.isfinite(objective.cost(np.where(problem.upper > 0, problem.upper, 0.0))):
-        raise InfeasibleError(TOO_FEW)
-    return Experiment(filled, objective, note.strip())
+    seen = seen_from_start(r, filled.units.out_of(terminal_output(problem)[0]))
+    found = informed(problem, seen, r, problem.upper, filled.units.inverse.vector)
+    return Experiment(inner, filled, found.objective, found.note)
 
 
 def solve_design(problem: ReadingsProblem, method: Method, monitor: Monitor) -> Solution:
@@ -107,6 +80,8 @@ def solve_design(problem: ReadingsProblem, method: Method, monitor: Monitor) -> 
     """
     began = stopwatch.seconds()
     experiment = experiment_of(problem)
+    if problem.ruled:
+        return _ruled(problem, method.name, experiment, _searched(problem, experiment, method, monitor), monitor, began)
     hunted = hunt_design(experiment.objective, feasible_set(problem), method, monitor)
     if not np.isfinite(experiment.objective.cost(hunted.found.weights)):
         if isinstance(method, Relaxed | RelaxRoundPolish):
@@ -127,10 +102,15 @@ def judge_design(problem: ReadingsProblem, weights: np.ndarray, relative_gap: fl
     weights : (E, M) of every decision
     relative_gap : target of the relaxation
 
-    Raises InfeasibleError where the policy leaves a direction unseen.
+    Raises InfeasibleError where the policy leaves a direction unseen, ProblemError for rules that it breaks.
     """
     began, monitor = stopwatch.seconds(), Monitor()
+    if problem.ruled:
+        require_kept(problem, weights)
     experiment = experiment_of(problem)
+    if problem.ruled:
+        searched = _searched(problem, experiment, Relaxed(relative_gap), monitor, require_whole(weights))
+        return _ruled(problem, "certify", experiment, searched, monitor, began), searched.known
     if not np.isfinite(experiment.objective.cost(weights)):
         raise InfeasibleError("the schedule leaves a direction of the states unseen: its cost is infinite")
     whole = bool(np.all(np.abs(weights - np.round(weights)) < 1e-9))
@@ -141,54 +121,73 @@ def judge_design(problem: ReadingsProblem, weights: np.ndarray, relative_gap: fl
     return _assembled(problem, "certify", experiment, hunted, monitor, began), known
 
 
-def spelt(direction: np.ndarray, names: Sequence[str]) -> str:
-    """A direction (n,) in words: x1 - 0.5 x3.
+def _searched(
+    problem: ReadingsProblem, e: Experiment, method: Method, monitor: Monitor, given: np.ndarray | None = None
+) -> RuledDesign:
+    frame = frame_of(problem)
+    on = None if given is None else on_of(given, frame.rules)
+    return search_design(e.objective, frame, problem.minimise, feasible_set(problem), method, monitor, on)
 
-    Parameters
-    ----------
-    direction : (n,)
-    names : of the states
-    """
-    scaled = direction / direction[np.argmax(np.abs(direction))]
-    parts = []
-    for name, value in zip(names, scaled, strict=True):
-        if abs(value) > NAMED:
-            size = "" if abs(abs(value) - 1) < NAMED else f"{abs(value):.4g} "
-            parts.append(f"{'-' if value < 0 else '+'} {size}{name}")
-    text = " ".join(parts)
-    return text[2:] if text.startswith("+") else f"-{text[2:]}"
+
+def _ruled(
+    problem: ReadingsProblem, name: str, e: Experiment, ruled: RuledDesign, monitor: Monitor, began: float
+) -> Solution:
+    """What the search under rules found, with its proof and its words."""
+    made = ruled.handed(True)
+    if not made.found.message:
+        bound = rounded_down(ruled.proof.certificate.lower_bound, 6)
+        made.found.message = f"No schedule of these readings that keeps the rules costs less than {bound}."
+        made.found.message += " The schedule is proven optimal among them." if made.proven else ""
+    return _collected(problem, name, e, made, ruled.proof, monitor, began)
 
 
 def _assembled(
-    problem: ReadingsProblem, name: str, experiment: Experiment, hunted: HuntedDesign, monitor: Monitor, began: float
+    problem: ReadingsProblem, name: str, e: Experiment, hunted: HuntedDesign, monitor: Monitor, began: float
 ) -> Solution:
-    """Certify what was found, and check it by another route."""
-    found, filled, objective = hunted.found, experiment.filled, experiment.objective
-    v, relaxed, allowed = found.weights, found.relaxed, feasible_set(problem)
-    proof = prove_information(objective, allowed, v, hunted.tangents, found.bound)
-    certificate = proof.certificate
-    monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
-    plain = plain_information_cost(problem, filled.recursion.on_steps(v))
-    status = found.status
+    """Certify what was found without rules, in words."""
+    found = hunted.found
+    proof = prove_information(e.objective, feasible_set(problem), found.weights, hunted.tangents, found.bound)
+    certificate, status = proof.certificate, found.status
     if status is Status.CERTIFIED and not (found.proves and proof.resolved(found.target)):
         status = Status.CERTIFIED if certificate.relative_gap <= found.target else Status.FEASIBLE
-    status, message = checked(proof, plain, plain.cost, status, found.message)
-    if status is not Status.DISAGREES:
+    if not found.message:
         text = f"No schedule of these readings costs less than {rounded_down(certificate.lower_bound, 6)}."
         usual = status in (Status.CERTIFIED, Status.FEASIBLE)
-        message = message or (text if usual else f"{status.text} {text}")
-        message += remark_on(found, certificate) + proof.remark(found.target)
-        message += f" {experiment.note}" if experiment.note else ""
-    extra = dict(found.extra)
+        found.message = text if usual else f"{status.text} {text}"
+    found.status, found.message = status, found.message + remark_on(found, certificate)
+    extra = found.extra
     further = {"nodes": extra.pop("nodes", None), "proven_optimal": extra.pop("proven_optimal", None)}
+    made = Handed(found, found.weights, found.weights, 0.0, further, False)
+    return _collected(problem, name, e, made, proof, monitor, began)
+
+
+def _collected(
+    problem: ReadingsProblem, name: str, e: Experiment, made: Handed, proof: Proof, monitor: Monitor, began: float
+) -> Solution:
+    """Check a policy by another route, and put everything together that a run folder holds."""
+    found, filled, objective, v = made.found, e.filled, e.objective, made.measuring
+    relaxed, allowed, certificate = found.relaxed, feasible_set(problem), proof.certificate
+    monitor.report(found.iterations, certificate.cost, certificate.lower_bound, stage="check")
+    plain = plain_information_cost(e.problem, filled.recursion.on_steps(v))
+    beside = float(np.vdot(objective.prices, made.on - v)) + made.switching  # warming up, and changes
+    status, message = checked(proof, plain, plain.cost + beside, found.status, found.message)
+    if status is not Status.DISAGREES:
+        message += proof.remark(found.target) + (f" {e.note}" if e.note else "")
+    extra, further = dict(found.extra), dict(made.further)
+    switches = further.pop("switches", None)
     if relaxed is not None:
         extra["equivalence"] = equivalence_of(objective, allowed, relaxed.weights)
     bound = relaxed.lower_bound if relaxed is not None else certificate.lower_bound
     _, gradient = objective.cost_and_gradient(v)
-    verdict = Verdict(v, v, proof, gradient, found.iterations, status, message, relaxed, bound, further, extra)
+    verdict = Verdict(v, made.on, proof, gradient, found.iterations, status, message, relaxed, bound, further, extra)
     arrays = arrays_of(problem, filled, v, gradient)
+    if made.on is not v:
+        arrays |= {"weights": filled.recursion.on_steps(made.on), "measuring": filled.recursion.on_steps(v)}
     if relaxed is not None:
         arrays["relaxed_weights"] = filled.recursion.on_steps(relaxed.weights)
         _, slope = objective.cost_and_gradient(relaxed.weights)
         arrays["relaxed_switching"] = filled.recursion.on_steps(slope)
-    return collect_numbers(problem, name, filled, verdict, plain, arrays, monitor, began)
+    solution = collect_numbers(problem, name, filled, verdict, plain, arrays, monitor, began)
+    if switches is None:
+        return solution
+    return replace(solution, numbers=replace(solution.numbers, switches=switches))  # type: ignore[type-var]

@@ -35,11 +35,11 @@ def certify(problem: ReadingsProblem, schedule: Schedule, claims: Claims | None 
     Returns a Solution with method "certify". Raises ProblemError when the schedule has other instants, changes inside
     an epoch, breaks a window or a rule, or reads too many or too few sensors.
     """
-    if problem.ruled:
+    if problem.ruled and problem.prior:
         return certify_ruled(problem, on_decisions(problem, weights_on(problem, as_read(schedule, problem))), claims)
     problem.require_feasible()
     weights = on_decisions(problem, weights_on(problem, as_read(schedule, problem)))
-    if mistakes := feasible_set(problem).check(weights):
+    if not problem.ruled and (mistakes := feasible_set(problem).check(weights)):
         raise ProblemError(mistakes)
     gap = getattr(problem.method, "relative_gap", 1e-4)
     if problem.measured or not problem.prior:

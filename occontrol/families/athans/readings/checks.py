@@ -69,33 +69,6 @@ def _budget(budget: Mapping[str, int], names: Sequence[str], readings: int, at_a
     return found.mistakes
 
 
-def wrong_without_prior(problem: ReadingsProblem) -> list[Mistake]:
-    """What a problem without an initial covariance cannot have: plant noise, and whatever counts from the start.
-
-    Parameters
-    ----------
-    problem : ReadingsProblem
-    """
-    if problem.prior:
-        return []
-    found, none = Collector(), "initial.covariance is none"
-    key, signal = ("Q", problem.plant.Q) if problem.discrete else ("noise", problem.plant.noise)
-    noisy = np.any(signal.sample(problem.clock.times)) if not signal.constant else np.any(signal.at(0.0))
-    if noisy:
-        hint = f"{key}: 0 for parameters that do not move, or an initial covariance"
-        found.add(("plant", key), f"{none}: without a prior the plant has no noise", hint, True)
-    if problem.running is not None:
-        what = f"{none}: a running weight is infinite before the readings determine every state"
-        found.add(("objective", "running"), what, "output alone, or an initial covariance", True)
-    if problem.criterion is not None and problem.criterion.name == "peak":
-        what = f"{none}: a peak is infinite before the readings determine every state"
-        found.add(("objective", "criterion", "name"), what, "a criterion of the end, or an initial covariance")
-    if problem.ruled:
-        what = f"{none}: rules on schedules are searched with a prior only"
-        found.add(("plant", "initial", "covariance"), what, "a large covariance, or budget: {..}")
-    return found.mistakes
-
-
 def missed_readings(sensors: Sequence[Sensor], clock: Steps | SampleTimes) -> tuple[list[Mistake], list[str]]:
     """Sensors that no window lets read, as mistakes, and single windows without any reading, as warnings.
 

@@ -9,7 +9,7 @@ from occontrol.core.errors import Mistake, UsageError
 from occontrol.core.kinds import PlainDict
 from occontrol.core.method import Method
 from occontrol.core.result import ResultData
-from occontrol.families.athans.rate import RateFamily, schedule_of
+from occontrol.families.athans.rate import RateFamily, refuse, schedule_of
 from occontrol.families.athans.readings.problem import ReadingsProblem
 
 if TYPE_CHECKING:
@@ -22,22 +22,9 @@ if TYPE_CHECKING:
     from occontrol.core.solution import Solution
     from occontrol.core.target import TargetPlan
     from occontrol.core.trajectory import Trajectory
-    from occontrol.families.athans.base import AthansProblem
     from occontrol.families.athans.filter.online import MatchedFilter
     from occontrol.families.athans.tradeoff import Front
     from occontrol.files.page import Group
-
-
-def refuse(problem: AthansProblem, what: str) -> None:
-    """UsageError for what needs an initial covariance.
-
-    Parameters
-    ----------
-    problem : of the family
-    what : the name of that
-    """
-    if not problem.prior:
-        raise UsageError(f"{what} needs an initial covariance, and this problem has none")
 
 
 class ReadingsFamily(RateFamily):

@@ -25,7 +25,8 @@ from occontrol.core.signal import Signal, TableSignal, as_signal
 from occontrol.families.athans.base import AthansProblem
 from occontrol.families.athans.criteria.statement import PEAK, CriterionChoice
 from occontrol.families.athans.criteria.statement import mistakes_of as wrong_criterion
-from occontrol.families.athans.readings.checks import missed_readings, selection, values, wrong_without_prior
+from occontrol.families.athans.criteria.without_prior import wrong_without_prior
+from occontrol.families.athans.readings.checks import missed_readings, selection, values
 from occontrol.families.athans.readings.clock import SampleTimes, Steps
 from occontrol.families.athans.readings.feasible import require_budget, require_places
 from occontrol.families.athans.readings.known_gaps import KnownGaps
@@ -110,7 +111,7 @@ class ReadingsProblem(AthansProblem):
         least, most = self.select
         if (least < most or self.opens) and not any(s.is_idle for s in self.sensors):
             set_(self, "sensors", SensorSuite((*self.sensors, idle_sensor(self.plant.states))))
-        found.mistakes += [*wrong_criterion(self), *wrong_without_prior(self)]
+        found.mistakes += [*wrong_criterion(self), *wrong_without_prior(self, self.clock.times)]
         found.mistakes += wrong_rules(self.rules, self.minimise, self.sensors, self.places, self.discrete, self.budget)
         if not (np.isfinite(self.cost_weight) and self.cost_weight >= 0):
             what = f"cost_weight is {self.cost_weight:g}, it must be finite and not negative"

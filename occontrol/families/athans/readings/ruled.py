@@ -25,9 +25,9 @@ from occontrol.families.athans.readings.assembly import Verdict, checked, collec
 from occontrol.families.athans.readings.fill import Filled, feasible_set, fill
 from occontrol.families.athans.readings.plain import plain_cost
 from occontrol.families.athans.readings.problem import ReadingsProblem
-from occontrol.families.athans.readings.rules import frame_of
+from occontrol.families.athans.readings.rules import frame_of, require_kept
 from occontrol.families.athans.rules.binding import active_rules, multipliers_of
-from occontrol.families.athans.rules.certify import broken, require_whole
+from occontrol.families.athans.rules.certify import require_whole
 from occontrol.families.athans.rules.columns import on_of, user_weights, with_warming
 from occontrol.families.athans.rules.frame import Frame
 from occontrol.families.athans.rules.plain_bound import plain_bound
@@ -75,13 +75,8 @@ def certify_ruled(problem: ReadingsProblem, weights: np.ndarray, claims: Claims 
     Raises ProblemError naming every rule that the schedule breaks, SolveFailed where rules and search disagree on it.
     """
     began, monitor = stopwatch.seconds(), Monitor()
-    whole, allowed = require_whole(weights), feasible_set(problem)
+    padded, whole, allowed = require_kept(problem, weights), require_whole(weights), feasible_set(problem)
     filled, frame, task = _stated(problem)
-    padded = whole.copy()
-    empty = ~np.any(whole > 0, axis=1) & problem.slews
-    padded[empty] = allowed.uniform()[empty]
-    if wrong := [*allowed.check(padded), *broken(frame, whole)]:
-        raise ProblemError(wrong)
     problem.require_feasible()
     plan = task.oracle.follow(on_of(whole, task.rules))
     if plan is None:

@@ -9,9 +9,29 @@ from dataclasses import replace
 
 import numpy as np
 
+from occontrol.core.errors import ProblemError
+from occontrol.families.athans.readings.fill import feasible_set
 from occontrol.families.athans.readings.problem import ReadingsProblem
+from occontrol.families.athans.rules.certify import broken, require_whole
 from occontrol.families.athans.rules.frame import Frame
 from occontrol.families.athans.rules.statement import resolve
+
+
+def require_kept(problem: ReadingsProblem, weights: np.ndarray) -> np.ndarray:
+    """The whole weights (E, M), with a sensor in places that a slew leaves empty; ProblemError for what they break.
+
+    Parameters
+    ----------
+    problem : with rules
+    weights : (E, M) of every decision
+    """
+    whole, allowed = require_whole(weights), feasible_set(problem)
+    padded = whole.copy()
+    empty = ~np.any(whole > 0, axis=1) & problem.slews
+    padded[empty] = allowed.uniform()[empty]
+    if wrong := [*allowed.check(padded), *broken(frame_of(problem), whole)]:
+        raise ProblemError(wrong)
+    return padded
 
 
 def frame_of(problem: ReadingsProblem) -> Frame:

@@ -33,6 +33,10 @@ NODES = 12  # of a search that is not asked to be exact
 FIRST = 500  # nodes in which a first schedule must be found
 MOVES = 1500  # evaluations of the true cost for the best schedule, where the tree is short
 NONE = "no schedule keeps all rules together: the tree of all schedules was searched to its end"
+UNSEEN = (
+    "no schedule that keeps the rules determines every state that the outputs need: the tree of all schedules was "
+    "searched to its end\n  hint: rules that leave room for more sensors, or an initial covariance"
+)
 _NOT_FOUND = (
     "no schedule that keeps the rules was found within the limits, though none of the rules is impossible by itself; "
     "method: {name: schedule, exact: {max_nodes: ..}} searches on, or relax a rule"
@@ -121,6 +125,11 @@ class Work:
     policy: Callable[[Any], tuple[np.ndarray, str]] | None = None
 
 
+def blind(task: Task) -> bool:
+    """Whether nothing is known before the readings, so that a schedule of a `task` may cost infinitely much."""
+    return task.model is not None and task.model.vague is not None
+
+
 def start_of(task: Task, relaxed: RelaxedOutcome) -> np.ndarray:
     """(N, C) where the first bound is taken: the relaxed policy without warming."""
     N, C = task.oracle.shape
@@ -188,6 +197,8 @@ def _scheduled(work: Work, method: RelaxRoundPolish) -> Outcome:
     search, tree = searched(work.task, work.relaxed, options, watch, seeds_of(work), work.allowed)
     if tree.best is None:
         if tree.complete and np.isinf(tree.lower_bound):
+            if blind(work.task):
+                raise InfeasibleError(UNSEEN)
             raise refusal(NONE, blamed(work.frame, work.task.rules))
         raise SolveFailed(_NOT_FOUND)
     plan = tree.best.plan
@@ -268,6 +279,7 @@ def _obeying(work: Work, method: Any) -> Outcome:
     if not np.isfinite(work.task.value(plan)):
         what = f"{method.name} does not do these rules: the nearest schedule that keeps the others breaks a budget"
         what += " or the limit" if work.task.model is not None and work.task.model.limit is not None else ""
+        what += " or leaves a direction of the states unseen" if blind(work.task) else ""
         raise UsageError(f"{what}\n  hint: method: schedule")
     options = TreeOptions(Exact().relative_gap, 1, 0, 1)
     search, tree = searched(work.task, work.relaxed, options, monitor, [plan])
