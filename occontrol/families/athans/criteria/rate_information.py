@@ -69,6 +69,8 @@ class Watched:
         ----------
         objective : whose J it is, perhaps smoothed
         weights : (N, M) policy that sees every direction
+
+        Raises ValueError for a policy that does not.
         """
         S = objective.design.covariance(weights)
         if S is None:

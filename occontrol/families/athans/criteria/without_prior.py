@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,13 +25,12 @@ def wrong_without_prior(problem: AthansProblem, times: np.ndarray) -> list[Mista
     if problem.prior:
         return []
     found, plant = Collector(), problem.plant
-    stated: Any = problem
     key, signal = ("Q", plant.Q) if problem.discrete else ("noise", plant.noise)  # type: ignore[union-attr]
     noisy = np.any(signal.sample(times)) if not signal.constant else np.any(signal.at(0.0))
     if noisy:
         hint = f"{key}: 0 for parameters that do not move, or an initial covariance"
         found.add(("plant", key), f"{NONE}: without a prior the plant has no noise", hint, True)
-    if stated.running is not None:
+    if getattr(problem, "running", None) is not None:
         what = f"{NONE}: a running weight is infinite before the readings determine every state"
         found.add(("objective", "running"), what, "output alone, or an initial covariance", True)
     if problem.criterion is not None and problem.criterion.name == "peak":

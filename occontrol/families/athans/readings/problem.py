@@ -108,11 +108,10 @@ class ReadingsProblem(AthansProblem):
         found.mistakes += wrong
         found.raise_if_any()
         set_(self, "select", allowed)
-        least, most = self.select
-        if (least < most or self.opens) and not any(s.is_idle for s in self.sensors):
+        if (self.select[0] < self.select[1] or self.opens) and not any(s.is_idle for s in self.sensors):
             set_(self, "sensors", SensorSuite((*self.sensors, idle_sensor(self.plant.states))))
-        found.mistakes += [*wrong_criterion(self), *wrong_without_prior(self, self.clock.times)]
-        found.mistakes += wrong_rules(self.rules, self.minimise, self.sensors, self.places, self.discrete, self.budget)
+        wrong = wrong_rules(self.rules, self.minimise, self.sensors, self.places, self.discrete, self.budget)
+        found.mistakes += [*wrong_criterion(self), *wrong_without_prior(self, self.clock.times), *wrong]
         if not (np.isfinite(self.cost_weight) and self.cost_weight >= 0):
             what = f"cost_weight is {self.cost_weight:g}, it must be finite and not negative"
             found.add(("objective", "cost_weight"), what, "cost_weight >= 0")
