@@ -39,7 +39,7 @@ def solve(
     strict: StrictFlag = False,
     log: Annotated[Path | None, typer.Option("--log", metavar="FILE", help="Progress as JSON lines.")] = None,
     jobs: Annotated[
-        int, typer.Option("--jobs", "-j", min=1, max=1024, help="Processes for the bound of many targets.")
+        int, typer.Option("--jobs", "-j", min=1, max=1024, help="Processes for many targets and for rules.")
     ] = 1,
     cluster: Annotated[str | None, typer.Option("--cluster", help="For the same: dask, or tls://HOST:PORT.")] = None,
 ) -> int:

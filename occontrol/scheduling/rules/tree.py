@@ -10,21 +10,21 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from occontrol.core.monitor import Monitor
+from occontrol.scheduling.rules.branching import children_of
 from occontrol.scheduling.rules.bundle import Bundle, solve
-from occontrol.scheduling.rules.hull import Hull, HullOptions, bounds_at, filled, hull, inherited
+from occontrol.scheduling.rules.hull import Hull, HullOptions, bounds_at, hull, inherited
 from occontrol.scheduling.rules.master import Multipliers, Tangent
 from occontrol.scheduling.rules.moves import Mover, Scored
 from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.rows import Rows
 from occontrol.scheduling.rules.task import Task
 
-CHILDREN = 3  # sets that get a child of their own, beside the one for all others
 ROOT, INNER = 400, 60  # calls of the oracle in the first node, and in the others
-USED = 0.02  # share from which a set gets one
 EARLY, NEAR = 4, 0.02  # schedules at the start that are improved though they are only that close to the best
 
 
@@ -87,12 +87,39 @@ class Begun:
 
 
 @dataclass(order=True)
-class _Node:
+class Node:
+    """Schedules that are still open.
+
+    Parameters
+    ----------
+    bound : proven for them
+    number : in which order they were met
+    mask : (N, A) actions that may better the best schedule
+    chosen : (N, A) actions that branching alone allows
+    start : where the node's hull begins; None where tangents that are known will do
+    """
+
     bound: float
     number: int
     mask: np.ndarray = field(compare=False)
     chosen: np.ndarray = field(compare=False)
     start: tuple[np.ndarray, Multipliers, list[Plan]] | None = field(compare=False)
+
+
+class Elsewhere(Protocol):
+    """What solves nodes of a search at several places.
+
+    Attributes
+    ----------
+    worth : nodes from which it pays
+    """
+
+    @property
+    def worth(self) -> int: ...
+
+    def round(self, heap: list[Node], most: int) -> float:
+        """Go on with the nodes of the `heap`, `most` of them; what the schedules cost at least that this leaves."""
+        ...
 
 
 class Search:
@@ -120,7 +147,8 @@ class Search:
         caps = np.isfinite(task.rules.max_error) or np.isfinite(task.rules.max_observation)
         self.bundle = Bundle(task) if task.complete and not caps and not self.rows.known else None
         self.best: Scored | None = None
-        self.nodes = 0
+        self.nodes, self._count = 0, 1
+        self.tangents: list[Tangent] = []  # of the first node
         self._scored: set[bytes] = set()
         self._near = 0
         self._most = _dearest(task)
@@ -153,27 +181,30 @@ class Search:
                 self._scored.add(found.plan.key)
                 self.told(found)
 
-    def run(self, start: np.ndarray, begun: Begun | None = None) -> Tree:
-        """The search, from a policy `start` (N, C) at which the first bound is taken, or with what is known already."""
+    def run(
+        self, start: np.ndarray, begun: Begun | None = None, elsewhere: Callable[[Search], Elsewhere] | None = None
+    ) -> Tree:
+        """The search, from a policy `start` (N, C) at which the first bound is taken, or with what is known already.
+
+        `elsewhere` makes of the search, after its first node, what goes on with many nodes at once.
+        """
         task, monitor = self.task, self.monitor
         everything = np.ones_like(task.oracle.open)
         begun = begun or Begun(start, Multipliers(np.empty(0)))
         root = self._solve(
-            _Node(-np.inf, 0, everything, everything, (begun.weights, begun.multipliers, begun.plans)), begun
+            Node(-np.inf, 0, everything, everything, (begun.weights, begun.multipliers, begun.plans)), begun
         )
-        heap: list[_Node] = []
-        closed, count = self._file(heap, root, everything, everything, root.lower_bound, 1), 1
+        heap: list[Node] = []
+        closed = self._file(heap, root, everything, everything, root.lower_bound)
+        apart = None if elsewhere is None or self.bundle is None else elsewhere(self)
         while heap and not monitor.stop:
-            if self.nodes >= (self.options.most if self.best else max(self.options.most, self.options.first)):
+            most = self.options.most if self.best else max(self.options.most, self.options.first)
+            if self.nodes >= most:
                 break
-            node = heapq.heappop(heap)
-            if node.bound >= self.cutoff:
-                closed = min(closed, node.bound)
-                continue
-            found = self._solve(node)
-            bound = max(found.lower_bound, node.bound)
-            count += 8
-            closed = min(closed, self._file(heap, found, node.mask, node.chosen, bound, count))
+            if apart is None or len(heap) < apart.worth:
+                closed = min(closed, self.step(heap))
+            else:
+                closed = min(closed, apart.round(heap, most - self.nodes))
             value = np.inf if self.best is None else self.best.value
             monitor.report(self.nodes, value, min(closed, value, *(n.bound for n in heap[:1])))
         open_bounds = [n.bound for n in heap]
@@ -182,7 +213,17 @@ class Search:
         lower = np.inf if self.best is None and not heap and not monitor.stop else lower
         return Tree(self.best, lower, root, self.nodes, not heap)
 
-    def _solve(self, node: _Node, begun: Begun | None = None) -> Hull:
+    def step(self, heap: list[Node]) -> float:
+        """Solve the node of the best bound; what the schedules cost at least that this leaves."""
+        node = heapq.heappop(heap)
+        if node.bound >= self.cutoff:
+            return node.bound
+        found = self._solve(node)
+        bound = max(found.lower_bound, node.bound)
+        self._count += 8
+        return self._file(heap, found, node.mask, node.chosen, bound)
+
+    def _solve(self, node: Node, begun: Begun | None = None) -> Hull:
         self.nodes += 1
         options = HullOptions(0.1 * self.options.gap, lambda: self.cutoff, ROOT if self.nodes == 1 else INNER)
         if begun is not None:
@@ -192,12 +233,16 @@ class Search:
             return hull(self.task, self.rows, node.start, *common)  # type: ignore[arg-type]
         if begun is None:
             return solve(self.bundle, *common)
-        root = hull(self.task, self.rows, node.start, *common, self.bundle.take)  # type: ignore[arg-type]
+        root = hull(self.task, self.rows, node.start, *common, self._taken)  # type: ignore[arg-type]
         for plan in root.plans:
             self.bundle.add(plan)
         return root
 
-    def _file(self, heap: list, found: Hull, mask: np.ndarray, chosen: np.ndarray, bound: float, count: int) -> float:
+    def _taken(self, at: Tangent) -> None:
+        self.tangents.append(at)
+        self.bundle.take(at)  # type: ignore[union-attr]
+
+    def _file(self, heap: list, found: Hull, mask: np.ndarray, chosen: np.ndarray, bound: float) -> float:
         """Put the children of a node on the heap; what the node's schedules cost at least, where it has none."""
         if not np.isfinite(found.lower_bound) or bound >= self.cutoff:
             return bound
@@ -206,7 +251,7 @@ class Search:
         cutoff = self.cutoff
         closed = cutoff if np.any(mask & (each >= cutoff)) else np.inf
         useful = mask & (each < cutoff)
-        children = self._children(found, chosen, useful)
+        children = children_of(self.task, found, chosen, useful)
         if not children:
             plan = self.task.oracle.minimise(np.zeros(self.task.oracle.shape), None, useful)[1]
             return closed if plan is None else min(closed, self.task.value(plan))
@@ -219,7 +264,7 @@ class Search:
                 continue
             branch = chosen.copy()
             branch[at] &= actions
-            heapq.heappush(heap, _Node(own, count + i, child, branch, start))
+            heapq.heappush(heap, Node(own, self._count + i, child, branch, start))
         return closed
 
     def _each(self, found: Hull, mask: np.ndarray) -> np.ndarray:
@@ -230,50 +275,6 @@ class Search:
         policy, multipliers, _ = found.proof
         multipliers = multipliers.padded(len(self.rows.known))
         return bounds_at(self.task, self.rows, Tangent.at(self.task, policy), multipliers, mask)
-
-    def _children(self, found: Hull, mask: np.ndarray, useful: np.ndarray) -> list[tuple[np.ndarray, int, np.ndarray]]:
-        """(mask, interval, (A,) actions there) that part the schedules of a node; empty where it is a single one."""
-        oracle = self.task.oracle
-        groups, wide = (
-            np.stack([np.any((oracle.open & m)[:, oracle.group == g], axis=1) for g in range(len(oracle.sets))], axis=1)
-            for m in (useful, mask)
-        )
-        free = np.sum(groups, axis=1) > 1
-        if not np.any(free):
-            return []
-        share = np.zeros(groups.shape)
-        for plan, s in zip(found.plans, filled(found), strict=True):
-            share[np.arange(len(share)), oracle.group[plan.actions]] += s
-        at = self._where(found, wide, free, share)
-        order = [int(g) for g in np.argsort(-share[at], kind="stable") if groups[at, g]]
-        own = [g for g in order if share[at, g] > USED][:CHILDREN] or order[:1]
-        children = []
-        for part in [*([g] for g in own), [g for g in order if g not in own]]:
-            if part:
-                child = useful.copy()
-                child[at] &= np.isin(oracle.group, part)
-                children.append((child, at, child[at].copy()))
-        return children
-
-    def _where(self, found: Hull, groups: np.ndarray, free: np.ndarray, share: np.ndarray) -> int:
-        """The interval to branch on."""
-        task, steps = self.task, self.task.oracle.grid.steps
-        if found.line is not None:
-            g = found.line[1]
-        else:
-            g = task.goal.observation * task.price + max(task.goal.error, 1e-3) * found.tangent.slope
-        cost = g @ task.oracle.automaton.columns.T
-        worth = np.stack([np.min(cost[:, task.oracle.group == i], axis=1) for i in range(groups.shape[1])], axis=1)
-        high = np.max(np.where(groups, worth, -np.inf), axis=1)
-        low = np.min(np.where(groups, worth, np.inf), axis=1)
-        spread = np.sqrt(np.maximum(np.where(free, high - low, 0.0), 0.0))
-        torn = steps * np.sum(share * (1 - share), axis=1)
-        width = min(5, len(torn))
-        smooth = np.convolve(torn, np.full(width, 1 / width), mode="same")
-        score = np.where(free, (smooth + 1e-3 * torn) * (spread + 1e-12 * np.max(spread, initial=0.0)), -1.0)
-        if np.max(score) > 1e-12 * float(np.max(steps)):
-            return int(np.argmax(score))
-        return int(np.argmax(np.where(free, spread + 1e-300, -1.0)))
 
 
 def _dearest(task: Task) -> float:

@@ -20,6 +20,7 @@ from occontrol.families.athans.rules.plain_bound import slewing_bound
 from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.proof import Proof
 from occontrol.scheduling.relaxation import RelaxedOutcome
+from occontrol.scheduling.rules.apart import Apart
 from occontrol.scheduling.rules.capped import begun_at_price
 from occontrol.scheduling.rules.caps import cap_of, only_cap
 from occontrol.scheduling.rules.hull import Hull
@@ -161,7 +162,7 @@ def searched(
     search = Search(task, options, monitor, seeds)
     start, cap = start_of(task, relaxed), cap_of(task)
     begun = None if cap is None or allowed is None else begun_at_price(search, cap, start, allowed)
-    return search, search.run(start, begun)
+    return search, search.run(start, begun, Apart if monitor.spread.count > 1 else None)
 
 
 def run(work: Work, method: Any) -> Outcome:
