@@ -14,15 +14,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numba import njit
 
 from occontrol.core.monitor import Monitor
 from occontrol.scheduling.rules.game import play
-from occontrol.scheduling.rules.hull import ENOUGH, Hull, HullOptions
+from occontrol.scheduling.rules.hull import Hull, HullOptions
 from occontrol.scheduling.rules.master import Multipliers, Tangent
 from occontrol.scheduling.rules.plan import Plan
 from occontrol.scheduling.rules.task import Task
 
-TANGENTS, PLANS = 120, 250  # that are kept
+TANGENTS, PLANS = 60, 120  # that are kept
+LEFT = 0.6  # of what a node lacks of the best schedule: what its own gap may be when it is left
 BALANCE = 0.5  # of a node's gap: what columns may lack before they are worth more than tangents
 TOWARDS = 0.5  # of the way from the best mixture to that of the game
 FEW = 10  # rounds without a better bound after which a node is left
@@ -46,7 +48,7 @@ class Bundle:
         rooms = 64
         self._constant, self._used, self._slope = np.empty(rooms), np.empty(rooms), np.empty((rooms, N * C))
         self._actions, self._met = np.empty((rooms, N), dtype=np.int64), np.empty(rooms)
-        self._value = np.empty((rooms, rooms))
+        self._value, self._switching = np.empty((rooms, rooms)), np.empty(rooms)
 
     @property
     def value(self) -> np.ndarray:
@@ -64,8 +66,8 @@ class Bundle:
         self._constant[i] = goal.observation * at.linear + goal.error * at.error - float(np.vdot(g, at.weights))
         self._slope[i], self._used[i] = g.ravel(), self._clock
         worth = g @ task.oracle.automaton.columns.T
-        self._value[i, :P] = self._constant[i] + np.sum(worth[np.arange(len(g)), self._actions[:P]], axis=1)
-        self._value[i, :P] += [plan.switching for plan in self.plans]
+        _gathered(worth, self._actions[:P], self._value[i, :P])
+        self._value[i, :P] += self._constant[i] + self._switching[:P]
         self._tangents += 1
 
     def add(self, plan: Plan) -> bool:
@@ -75,10 +77,11 @@ class Bundle:
         p, count = len(self.plans), self._tangents
         if p == len(self._met):
             self._met, self._actions = _doubled(self._met), _doubled(self._actions)
+            self._switching = _doubled(self._switching)
             self._value = np.concatenate([self._value, np.empty_like(self._value)], axis=1)
         self._keys.add(plan.key)
         self.plans.append(plan)
-        self._actions[p], self._met[p] = plan.actions, self._clock
+        self._actions[p], self._met[p], self._switching[p] = plan.actions, self._clock, plan.switching
         self._value[:count, p] = self._constant[:count] + self._slope[:count] @ plan.weights.ravel() + plan.switching
         return True
 
@@ -93,7 +96,7 @@ class Bundle:
             self._tangents = len(kept)
         if P > PLANS:
             kept = np.sort(np.argsort(-self._met[:P], kind="stable")[: PLANS * 3 // 4])
-            for x in (self._met, self._actions, self._value.T):
+            for x in (self._met, self._actions, self._switching, self._value.T):
                 x[: len(kept)] = x[kept]
             self.plans = [self.plans[i] for i in kept]
             self._keys = {plan.key for plan in self.plans}
@@ -119,6 +122,16 @@ class Bundle:
         """The policy (N, C) of `shares` (Q,) of the `chosen` (Q,) schedules, and what its changes cost on average."""
         held = [(self.plans[i], s) for i, s in zip(chosen, shares, strict=True) if s > 0]
         return sum(s * plan.weights for plan, s in held), float(sum(s * plan.switching for plan, s in held))  # type: ignore[return-value]
+
+
+@njit(cache=True, nogil=True)
+def _gathered(worth, actions, found):
+    """found[p] = sum over k of worth[k, actions[p, k]]"""
+    for p in range(actions.shape[0]):
+        total = 0.0
+        for k in range(actions.shape[1]):
+            total += worth[k, actions[p, k]]
+        found[p] = total
 
 
 def _doubled(x: np.ndarray) -> np.ndarray:
@@ -167,7 +180,7 @@ def solve(
         if missing <= 0 or monitor.stop:
             break
         if np.isfinite(value):
-            enough = max(options.gap * task.size(value), ENOUGH * (cutoff - value))
+            enough = max(options.gap * task.size(value), LEFT * (cutoff - value))
             if value - found.lower_bound <= enough or found.rounds >= options.most or idle > FEW:
                 break
         if fresh and (not len(shares) or level - (constant + least) > BALANCE * missing):
