@@ -29,7 +29,10 @@ def convergence_panel(
     cost, bound = history_columns(history)
     if len(cost) < 2:
         return False
+    stages = [str(record.get("stage") or "") for record in history]
     best = np.maximum.accumulate(np.where(np.isfinite(bound), bound, -np.inf))
+    if stages[-1] == "check" and np.isfinite(bound[-1]):
+        best[-1] = bound[-1]  # what is proven in the end, rounding taken off
     with np.errstate(invalid="ignore", divide="ignore"):
         gap = cost - best if absolute else (cost - best) / np.abs(cost)
     gap = np.where(np.isfinite(gap) & (gap > 0), gap, np.nan)
@@ -37,9 +40,10 @@ def convergence_panel(
         return False
     steps = np.arange(1, len(gap) + 1)
     axes.set_yscale("log")
-    stages = [str(record.get("stage") or "") for record in history]
     for i, stage in enumerate(dict.fromkeys(stages)):
         here = np.array([s == stage for s in stages])
+        if not np.any(np.isfinite(gap[here])):
+            continue  # nothing of it would be seen
         # the stages differ in what they vary (shares, then schedules), so their costs are not one curve
         marker = "D" if np.sum(here) == 1 else "o" if len(gap) <= 60 else None
         colour = style.PALETTE[i % len(style.PALETTE)]
@@ -59,7 +63,7 @@ def convergence_panel(
     axes.set_ylabel("cost less bound" if absolute else "relative gap")
     axes.grid(axis="y", which="both")
     if len(set(stages)) > 1:
-        axes.legend(loc="upper right", fontsize=9)
+        axes.legend(loc="best", fontsize=9)
     return True
 
 

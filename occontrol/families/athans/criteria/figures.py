@@ -12,7 +12,7 @@ from occontrol.core.sensor import IDLE
 from occontrol.core.solution import Solution
 from occontrol.core.state_labels import state_names
 from occontrol.families.athans.overview import convergence, overview, subtitle
-from occontrol.families.athans.readings.figures import counts_of, draw_schedule
+from occontrol.families.athans.readings.figures import counts_of, draw_schedule, time_axis
 from occontrol.families.athans.readings.problem import ReadingsProblem
 from occontrol.files.figures import style
 from occontrol.files.figures.panels import curves_panel, legend
@@ -80,7 +80,7 @@ def _draw_sensitivity(axes: Axes, problem: ReadingsProblem, solution: Solution, 
     axes.set_ylabel("saving of a reading")
     axes.grid(axis="y")
     legend(axes, len(real))
-    _axis(axes, problem, label)
+    time_axis(axes, problem, label)
 
 
 def _draw_deviations(axes: Axes, problem: ReadingsProblem, solution: Solution, label: bool = True) -> None:
@@ -92,12 +92,4 @@ def _draw_deviations(axes: Axes, problem: ReadingsProblem, solution: Solution, l
         deviations = np.sqrt(np.maximum(variances[known], 0.0))
         curves_panel(axes, problem.clock.times[known], deviations, state_names(problem), "deviation")
         axes.set_yscale("log")
-    _axis(axes, problem, label)
-
-
-def _axis(axes: Axes, problem: ReadingsProblem, label: bool) -> None:
-    edges = problem.edges
-    if problem.discrete:
-        style.step_axis(axes, max(int(edges[-1]) - 1, 1), label)
-    else:
-        style.tidy_time_axis(axes, float(min(problem.clock.start, edges[0])), float(edges[-1]), label)
+    time_axis(axes, problem, label)

@@ -19,6 +19,7 @@ from occontrol.files.figures.panels import curves_panel, legend, map_panel
 from occontrol.files.page.usual import deviations
 
 MOST_COUNTED = 10  # sensors whose readings are listed
+UNEVEN = 10.0  # times as far apart later: then the axis of time is drawn by square roots
 
 
 def draw(problem: ReadingsProblem, solution: Solution) -> dict[str, Figure]:
@@ -50,12 +51,32 @@ def _one(problem: ReadingsProblem, solution: Solution, draw_panel, height: float
     return figure
 
 
-def _axis(axes: Axes, problem: ReadingsProblem, label: bool) -> None:
-    edges = problem.edges
+def time_axis(axes: Axes, problem: ReadingsProblem, label: bool) -> None:
+    """The axis of steps or time; of times that lie far more densely at the start, by their square root.
+
+    Parameters
+    ----------
+    axes : to draw on
+    problem : of readings
+    label : whether the axis is labelled
+    """
+    clock, edges = problem.clock, problem.edges
     if problem.discrete:
         style.step_axis(axes, max(int(edges[-1]) - 1, 1), label)
-    else:
-        style.tidy_time_axis(axes, float(min(problem.clock.start, edges[0])), float(edges[-1]), label)
+        return
+    start, end = float(min(clock.start, edges[0])), float(clock.end)
+    gaps = np.diff(clock.times)
+    half = len(gaps) // 2
+    if len(gaps) > 3 and UNEVEN * np.mean(gaps[:half]) < np.mean(gaps[half:]):
+
+        def root(t: np.ndarray) -> np.ndarray:
+            return np.sqrt(np.maximum(np.asarray(t, dtype=float) - start, 0.0))
+
+        axes.set_xscale("function", functions=(root, lambda r: np.asarray(r) ** 2 + start))
+        ticks = start + (end - start) * np.linspace(0, 1, 7) ** 2
+        rounded = [float(f"{t:.1g}") if t < 0.9 * end else t for t in ticks]
+        axes.set_xticks(sorted({t for t in rounded if start <= t <= end}))
+    style.tidy_time_axis(axes, start, end, label)
 
 
 def _map(axes: Axes, problem: ReadingsProblem, values: np.ndarray, names: Sequence[str], words: str, label: bool,
@@ -63,7 +84,7 @@ def _map(axes: Axes, problem: ReadingsProblem, values: np.ndarray, names: Sequen
     """A map (N, rows) with one column for every reading; that of step k is centred on k."""
     shift = 0.5 if problem.discrete else 0.0
     map_panel(axes, problem.edges - shift, values, names, words, ends=ends)
-    _axis(axes, problem, label)
+    time_axis(axes, problem, label)
     if problem.discrete:
         axes.set_xlim(-shift, float(problem.edges[-1]) - shift)
 
@@ -98,7 +119,7 @@ def draw_schedule(axes: Axes, problem: ReadingsProblem, solution: Solution, labe
         )
     axes.set_ylim(len(names) - 0.3, -0.7)  # the first on top
     name_rows(axes, names)
-    _axis(axes, problem, label)
+    time_axis(axes, problem, label)
 
 
 def _draw_states(axes: Axes, problem: ReadingsProblem, solution: Solution, label: bool = True) -> None:
@@ -111,7 +132,7 @@ def _draw_states(axes: Axes, problem: ReadingsProblem, solution: Solution, label
         both = np.stack([prior, after], axis=1).reshape(2 * len(times), -1)
         axes.set_title(f"{title}, before and after every reading")
         curves_panel(axes, np.repeat(times, 2), both, names, "deviation")
-        _axis(axes, problem, label)
+        time_axis(axes, problem, label)
     else:
         axes.set_title(f"{title} just after every reading")
         _map(axes, problem, after, names, "deviation", label, ends=True)
@@ -134,7 +155,7 @@ def _draw_switching(axes: Axes, problem: ReadingsProblem, solution: Solution, la
         axes.set_ylabel("cost of a reading")
         axes.grid(axis="y")
         legend(axes, len(names))
-        _axis(axes, problem, label)
+        time_axis(axes, problem, label)
     else:
         axes.set_title("switching functions above the smallest (dots: read)")
         smallest = np.min(np.where(np.isfinite(switching), switching, np.inf), axis=1, keepdims=True)
