@@ -2,8 +2,11 @@
 
     .venv/bin/python scripts/quality_rules.py run [SECONDS] [CASE ..]     measures, into runs/quality_rules.json
     .venv/bin/python scripts/quality_rules.py table                       the table of docs/rules_quality.md
+    .venv/bin/python scripts/quality_rules.py figure FILE.png             bounds and costs over seconds and over nodes
 
-Seconds are of the processor, of one thread, from the relaxation on. A case is INSTANCE/RULE, for example M/maxsw5;
+Two processes share the tree where no cap is asked for (PLACES in the environment: another number). Seconds are of the
+processors, all processes together, divided by their number: what a quiet machine with as many cores takes. They count
+from the relaxation on. A case is INSTANCE/RULE, for example M/maxsw5;
 the instances are the oscillators of scripts/instances.py with seed 0 (M, L, XL: 6, 12, 30 states) and problems of
 problems/, all with one step of integration an interval and the edges of the file. large_structure is dense: it takes
 seconds a node.
@@ -12,13 +15,19 @@ seconds a node.
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
 import sys
 import time
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from instances import oscillators
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 import occontrol as oc
 from occontrol.core.monitor import Monitor
@@ -31,7 +40,9 @@ from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.rules.search import MOVES, Work, searched, seeds_of
 from occontrol.families.athans.rules.setting import frame_of, prepared, setting_of
 from occontrol.families.athans.rules.statement import Constraints
+from occontrol.files.figures import style
 from occontrol.scheduling.rules.tree import TreeOptions
+from occontrol.studies.engines.places import places
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "runs" / "quality_rules.json"
@@ -76,23 +87,48 @@ def ruled(case: str) -> SchedulingProblem:
     return replace(p, rules=Constraints(max_error=error), minimise="observation")
 
 
-def measured(case: str, limit: float) -> dict:
-    """Bounds and costs of a case over processor seconds and nodes."""
+def processor_seconds() -> float:
+    """Of this process and of its children."""
+    ticks, total = os.sysconf("SC_CLK_TCK"), time.process_time()
+    for child in multiprocessing.active_children():
+        fields = Path(f"/proc/{child.pid}/stat").read_text().rpartition(")")[2].split()
+        total += (int(fields[11]) + int(fields[12])) / ticks
+    return total
+
+
+def measured(case: str, limit: float, count: int) -> dict:
+    """Bounds and costs of a case over processor seconds and nodes; `count` processes."""
     p, method = ruled(case), RelaxRoundPolish()
-    began, history = time.process_time(), []
+    count = 1 if p.minimise != "cost" else count
+    history: list[list[float]] = []
+    watch = Monitor()
 
     def show(record: dict) -> None:
-        seconds = time.process_time() - began
+        seconds = (processor_seconds() - began) / count
         history.append([seconds, record["iteration"], record["cost"], record["lower_bound"]])
         if seconds > limit:
             watch.time_limit = 0.0
 
+    with ExitStack() as held:
+        watch.spread = held.enter_context(places(count)) if count > 1 else watch.spread
+        began, watch.show = processor_seconds(), show
+        return _searched(case, p, method, watch, history, lambda: (processor_seconds() - began) / count)
+
+
+def _searched(
+    case: str,
+    p: SchedulingProblem,
+    method: RelaxRoundPolish,
+    watch: Monitor,
+    history: list[list[float]],
+    seconds: Callable[[], float],
+) -> dict:
+    """Relax, search, and what came of it."""
     inner, _ = balanced(prepared(p, method.relative_gap))
     integrator, sweep = search_space(inner, method, Monitor())
     allowed = feasible_set(inner)
     base = relax(sweep, allowed, Monitor(), method.relative_gap)
     setting = setting_of(inner, integrator)
-    watch = Monitor(show=show)
     work = Work(setting.task, frame_of(p), sweep, allowed, base.relaxed, watch)  # type: ignore[arg-type]
     options = TreeOptions(1e-6, 10**6, MOVES, 10**6)
     _, tree = searched(setting.task, base.relaxed, options, watch, seeds_of(work), allowed)  # type: ignore[arg-type]
@@ -107,7 +143,7 @@ def measured(case: str, limit: float) -> dict:
         "bound": bound,
         "nodes": tree.nodes,
         "proven": tree.complete,
-        "seconds": time.process_time() - began,
+        "seconds": seconds(),
         "history": [[*h[:3], max(h[3], relaxed)] for h in history],
     }
 
@@ -142,18 +178,53 @@ def table(results: list[dict]) -> str:
     return "\n".join(lines)
 
 
+def drawn(results: list[dict]) -> Figure:
+    """The gap that is left of every case, over seconds and over nodes."""
+    with style.house_style():
+        figure = style.new_figure((12, 0.5 + 2.3 * -(-len(results) // 3)), "Rules at full size", "")
+        axes = figure.subplots(-(-len(results) // 3), 3, squeeze=False).ravel()
+        for ax, r in zip(axes, results, strict=False):
+            h = np.array([x for x in r["history"] if np.isfinite(x[2])])
+            last = float(h[-1, 2])
+            ax.plot(h[:, 0], 100 * (h[:, 2] / last - 1), color=style.ACCENT, label="cost")
+            ax.plot(h[:, 0], 100 * (h[:, 3] / last - 1), color=style.SECOND, label="bound")
+            nodes = ax.secondary_xaxis("top", functions=_between(h[:, 0], h[:, 1]))
+            nodes.tick_params(labelsize=7)
+            nodes.xaxis.set_major_locator(MaxNLocator(4, integer=True))
+            ax.set_title(r["case"], fontsize=9, pad=16)
+            ax.tick_params(labelsize=8)
+            ax.grid(axis="y")
+        for ax in axes[len(results) :]:
+            ax.axis("off")
+        axes[0].legend(fontsize=8)
+        figure.supylabel("% of the last cost", fontsize=9)
+        figure.supxlabel("seconds below, nodes above", fontsize=9)
+        return figure
+
+
+def _between(seconds: np.ndarray, nodes: np.ndarray) -> tuple[Callable, Callable]:
+    """From seconds to nodes and back, by straight lines."""
+    return (
+        lambda x: np.interp(x, seconds, nodes, left=0.0, right=float(nodes[-1])),
+        lambda x: np.interp(x, nodes, seconds, left=0.0, right=float(seconds[-1])),
+    )
+
+
 def main() -> int:
     """Measure, or print the table."""
     known = json.loads(OUT.read_text()) if OUT.exists() else {}
     if sys.argv[1:2] == ["table"]:
         print(table([known[case] for case in CASES if case in known]))
         return 0
+    if sys.argv[1:2] == ["figure"]:
+        drawn([known[case] for case in CASES if case in known]).savefig(sys.argv[2], dpi=100)
+        return 0
     if sys.argv[1:2] != ["run"]:
         print(__doc__)
         return 2
     limit = float(sys.argv[2]) if len(sys.argv) > 2 else 60.0
     for case in sys.argv[3:] or CASES:
-        known[case] = measured(case, limit)
+        known[case] = measured(case, limit, int(os.environ.get("PLACES", "2")))
         OUT.parent.mkdir(exist_ok=True)
         OUT.write_text(json.dumps(known))
         print(table([known[case]]).splitlines()[-1], flush=True)
