@@ -105,18 +105,30 @@ def _of_sensor(rules: Rules, edges: np.ndarray, on: np.ndarray, j: int) -> Itera
     yield from (broken(*v) for v in _gaps(rules, t, runs, j, slack))
 
 
+def within_windows(t: np.ndarray, runs: list[tuple[int, int]], window: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where windows begin in which the time in use may be largest, (W,), and that time, (W,); none too long to fit.
+
+    Parameters
+    ----------
+    t : (N+1,) edges
+    runs : first interval of a use and the one after its last
+    window : length
+    """
+    spans = np.array([(t[a], t[b]) for a, b in runs]).reshape(-1, 2)
+    # it is largest where the window begins with a use or ends with one
+    begins = np.concatenate([spans[:, 0], spans[:, 1] - window])
+    begins = np.unique(np.clip(begins, t[0], max(t[-1] - window, t[0])))
+    inside = np.minimum(spans[None, :, 1], begins[:, None] + window) - np.maximum(spans[None, :, 0], begins[:, None])
+    return begins, np.sum(np.maximum(inside, 0.0), axis=1)
+
+
 def _duty(rules: Rules, t: np.ndarray, runs: list[tuple[int, int]], j: int, slack: float) -> Iterator[tuple]:
     window, most, x = rules.duty_window[j], rules.duty_time[j], rules.variable
     if not np.isfinite(most) or not runs:
         return
-    spans = np.array([(t[a], t[b]) for a, b in runs])
-    # the time in use within a window is largest where the window begins with a use or ends with one
-    begins = np.concatenate([spans[:, 0], spans[:, 1] - window])
-    begins = np.unique(np.clip(begins, t[0], max(t[-1] - window, t[0])))
     if window > t[-1] - t[0] + slack:
         return
-    inside = np.minimum(spans[None, :, 1], begins[:, None] + window) - np.maximum(spans[None, :, 0], begins[:, None])
-    used = np.sum(np.maximum(inside, 0.0), axis=1)
+    begins, used = within_windows(t, runs, window)
     if np.any(used > most + slack):
         i = int(np.argmax(used > most + slack))
         text = (

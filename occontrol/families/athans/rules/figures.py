@@ -7,14 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from occontrol.core.solution import Solution
+from occontrol.core.solution import Solution, gap_words
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult
 from occontrol.families.athans.rules.columns import on_of
 from occontrol.families.athans.rules.frame import spelt
 from occontrol.families.athans.rules.setting import frame_of
 from occontrol.files.figures import style
-from occontrol.scheduling.rules.check import changes, uses
+from occontrol.scheduling.rules.check import changes, uses, within_windows
 from occontrol.scheduling.rules.rules import Rules
 
 TALL, MOST_BUDGETS = 0.7, 12
@@ -36,7 +36,8 @@ def draw_rules(problem: SchedulingProblem, solution: Solution) -> Figure:
     budgets = _budgets(problem, rules, on, numbers)[:MOST_BUDGETS]
     real = [j for j in range(rules.sensors) if np.any(on[:, j]) or not rules.idle[j]]
     size = (13.33, min(10.0, 2.2 + 0.42 * len(real) + 0.42 * max(len(budgets), 1)))
-    proven = "proven optimal" if numbers.proven_optimal else f"gap {100 * numbers.relative_gap:.2g} %"
+    gap = gap_words(numbers.relative_gap, problem.logarithmic, 2)
+    proven = "proven optimal" if numbers.proven_optimal else gap
     with style.house_style():
         figure = style.new_figure(size, problem.name, f"{numbers.switches} changes, {proven}")
         above, below = figure.subplots(2, 1, height_ratios=[len(real) + 0.8, max(len(budgets), 1) + 0.8])
@@ -93,6 +94,9 @@ def _budgets(
     for j in range(rules.sensors):
         add("max_uses", j, float(len(uses(on[:, j]))), float(rules.max_uses[j]))
         add("max_time", j, float(problem.steps @ on[:, j]), float(rules.max_time[j]))
+        if np.isfinite(rules.duty_time[j]):
+            _, most = within_windows(problem.edges, uses(on[:, j]), float(rules.duty_window[j]))
+            add("duty_time", j, float(np.max(most, initial=0.0)), float(rules.duty_time[j]))
     if rules.max_switches is not None:
         add("max_switches", None, float(numbers.switches), float(rules.max_switches))
     add("max_observation", None, float(numbers.observation_cost), rules.max_observation)
