@@ -190,9 +190,9 @@ def check_octave(run: Path, folder: Path, problem, solution, plan: TargetPlan) -
 
 def check(name: str, plan: TargetPlan, full: bool, scratch: Path) -> None:
     """One plan, as flight code in every variant and as FMUs."""
-    print(f"{name}: {plan.intervals} intervals" + ("" if plan.model else f", no filter: {plan.why}"), flush=True)
+    print(f"{name}: {plan.intervals} intervals" + ("" if plan.filter else f", no filter: {plan.why}"), flush=True)
     for label, options in VARIANTS.items():
-        if plan.model is None and label != "double":
+        if label != "double" and (plan.filter is None or (plan.formulas and label != "single")):
             continue
         print(f"  {label}")
         folder = scratch / re.sub(r"\W", "_", f"{name} {label}")
@@ -202,7 +202,7 @@ def check(name: str, plan: TargetPlan, full: bool, scratch: Path) -> None:
         promise("l", "the same bytes", texts == again)
         write_flight(folder, texts)
         check_code(folder, content, full and label in ("double", "single"), label != "double")
-    if plan.model is None:
+    if plan.filter is None:
         return
     content = make_content(plan, Options())
     paths = {

@@ -11,8 +11,7 @@ from unittest.mock import patch
 import numpy as np
 
 from occontrol.files.export.flight.content import Content
-from occontrol.files.export.flight.reference import ReferenceFilter
-from occontrol.files.export.flight.vectors import samples
+from occontrol.files.export.flight.vectors import reference_of, samples
 
 
 def fmus_agree(paths: dict[int, Path], content: Content, run: bool) -> list[str]:
@@ -31,7 +30,7 @@ def fmus_agree(paths: dict[int, Path], content: Content, run: bool) -> list[str]
         wrong += [f"FMI {edition}: {problem}" for problem in validate_fmu(str(path))]
         if run:
             last = _last_state(path, content)
-            reference = ReferenceFilter(content)
+            reference = reference_of(content)
             for z in samples(content):
                 reference.step(z)
             if last != reference.x.tolist():

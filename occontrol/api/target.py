@@ -79,7 +79,7 @@ def verify_target(run: str | Path, to: str, out: str | Path | None = None, **opt
     if to != "flight":
         raise UsageError(f"there is nothing to verify in --to {to}\n  hint: --verify is for --to flight")
     target = _target(run, options, FLIGHT, to)
-    return verify(_place(run, to, out), target.flight(), target.prefix, target.plan.model is not None)
+    return verify(_place(run, to, out), target.flight(), target.prefix, target.plan.filter is not None)
 
 
 def _place(run: str | Path, to: str, out: str | Path | None) -> Path:
@@ -107,7 +107,7 @@ def _target(run: str | Path, given: dict[str, object], known: tuple[str, ...], t
     chosen = Options(**options)  # type: ignore[arg-type]
     problem, solution = read_run(run)
     plan = family_of(problem).target_plan(problem, solution)
-    if plan.model is not None and len(state_labels(problem)) == plan.model.states:
+    if plan.filter is not None and len(state_labels(problem)) == plan.filter.states:
         plan = replace(plan, states=tuple(state_labels(problem)))
     title = f"{problem.name}; family {problem.family}, method {solution.method}"
     return _Target(plan, chosen, name, title, problem_digest(document(problem)))

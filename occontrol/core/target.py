@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occontrol.core.kinds import CasadiFunction
 from occontrol.core.schedule import Schedule
 
 
@@ -49,6 +50,51 @@ class TargetModel:
 
 
 @dataclass(frozen=True, eq=False)
+class FormulaModel:
+    """The extended Kalman filter of a nonlinear plant, read at the ends of N intervals.
+
+    dx/dt = f(x, t) + w, or x+ = f(x, k) + w;   z = h(x, t) + v
+
+    Parameters
+    ----------
+    right : CasADi function (x, t) -> f (n,) and df/dx (n, n), in state units, per time unless `discrete`
+    noise : CasADi function (x, t) -> intensity of w (n, n), in discrete time its covariance; None where there is none
+    reports : CasADi functions (x, t) -> h (m,), dh/dx (m, n), cov v (m, m), one a sensor; None for one without values
+    angles : for every sensor which of its values are angles, whose differences lie between -pi and pi
+    mean, covariance : (n,), (n, n) of x at the start, in state units
+    since, lengths : (G,) beginning and length of the spans of time, one before every reading and the rest up to the
+        prediction, in the unit of time; a span of length 0 moves nothing
+    substeps : of a span, two steps of Runge and Kutta each
+    discrete : whether f is the map of one step
+    output : D (p, n) of the prediction D x, in output units per state unit; p = 0 where nothing is predicted
+    last : number of spans up to the prediction
+    """
+
+    right: CasadiFunction
+    noise: CasadiFunction | None
+    reports: Sequence[CasadiFunction | None]
+    angles: Sequence[Sequence[bool]]
+    mean: np.ndarray
+    covariance: np.ndarray
+    since: np.ndarray
+    lengths: np.ndarray
+    substeps: int
+    discrete: bool
+    output: np.ndarray
+    last: int
+
+    @property
+    def states(self) -> int:
+        """The number n of states."""
+        return len(self.mean)
+
+    @property
+    def outputs(self) -> int:
+        """The number p of predicted outputs."""
+        return len(self.output)
+
+
+@dataclass(frozen=True, eq=False)
 class TargetPlan:
     """A schedule for a target; values arrive at the ends of its intervals.
 
@@ -61,7 +107,8 @@ class TargetPlan:
     instants : whether values are readings at the ends of the intervals, and not averages over them
     variable : "t", or "k" in discrete time
     predicted_for : the time of the prediction in words, such as " at t = 12"; empty where nobody says
-    model : TargetModel, or None where the family has no filter for a target
+    model : TargetModel, or None where the filter is not linear or the family has none for a target
+    formulas : FormulaModel, or None where the filter is linear or there is none
     why : the reason where there is none
     states : names of the states, with their units; () where nobody says
     """
@@ -74,6 +121,7 @@ class TargetPlan:
     variable: str = "t"
     predicted_for: str = ""
     model: TargetModel | None = None
+    formulas: FormulaModel | None = None
     why: str = ""
     states: tuple[str, ...] = ()
 
@@ -81,6 +129,11 @@ class TargetPlan:
     def intervals(self) -> int:
         """The number N of intervals."""
         return len(self.edges) - 1
+
+    @property
+    def filter(self) -> TargetModel | FormulaModel | None:
+        """The filter, of either kind; None where there is none."""
+        return self.formulas if self.model is None else self.model
 
 
 def schedule_alone(schedule: Schedule, why: str) -> TargetPlan:

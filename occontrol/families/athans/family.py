@@ -176,12 +176,11 @@ class AthansFamily(RateFamily):
         return self._half(problem).filter_tables(problem, solution)
 
     def target_plan(self, problem: AthansProblem, solution: Solution) -> TargetPlan:
-        """The schedule of a `solution` to a `problem`, and its filter unless the plant is nonlinear, for a target."""
-        if linearisation_of(problem) is not None:
-            from occontrol.core.target import schedule_alone
+        """The schedule of a `solution` to a `problem` and its filter, for code on a target."""
+        if _nonlinear(problem, "code on a target"):
+            from occontrol.families.athans.nonlinear.target import target_plan
 
-            why = "the filter of a nonlinear plant linearises as it goes, and that step is not written"
-            return schedule_alone(schedule_of(solution), why)
+            return target_plan(problem, schedule_of(solution))
         return self._half(problem).target_plan(problem, solution)
 
     def tradeoff(self, problem: AthansProblem, cost_weights: Sequence[float], monitor: Monitor) -> Tradeoff:

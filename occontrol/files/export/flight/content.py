@@ -9,8 +9,18 @@ import numpy as np
 
 from occontrol.core.errors import UsageError
 from occontrol.core.target import TargetModel, TargetPlan
+from occontrol.files.export.flight.formula_tables import (
+    PREDICTIONS,
+    formula_flags,
+    formula_rows,
+    programs_of,
+    replayed,
+    time_tables,
+)
 from occontrol.files.export.flight.plan import FlightPlan, make_plan, same_intervals, unit_factor
+from occontrol.files.export.flight.program import Program
 from occontrol.files.export.flight.tables import Table, shared, smallest
+from occontrol.numerics.linalg import square_root
 
 
 @dataclass(frozen=True)
@@ -67,17 +77,29 @@ class Content:
     def flags(self) -> set[str]:
         """The parts of the templates that are kept."""
         found = {"instants"} if self.plan.instants else set()
-        model = self.plan.model
+        model, formulas = self.plan.filter, self.plan.formulas
         if model is None:
             return found
-        found |= {"filter", "linear", self.options.precision}
-        if model.outputs:
-            found.add("predict")
-        if not self.options.gains_only:
-            found.add("full")
-        if not self.options.no_plan:
-            found.add("plan")
-        return found
+        found |= {"filter", self.options.precision} | ({"predict", "affine"} if model.outputs else set())
+        if formulas is not None:
+            return found | {"full"} | formula_flags(self.plan, formulas)
+        found |= {"linear", "affine"} | (set() if self.options.gains_only else {"full"})
+        return found | (set() if self.options.no_plan else {"plan"})
+
+    @cached_property
+    def programs(self) -> dict[str, Program]:
+        """The formulas of a nonlinear filter by their names in C."""
+        return programs_of(self.plan)
+
+    @property
+    def predicted_every(self) -> int:
+        """After how many steps a replay asks for a prediction."""
+        return 1 if self.plan.formulas is None else -(-self.plan.intervals // PREDICTIONS)
+
+    @property
+    def replayed(self) -> int:
+        """How many intervals a replay runs over."""
+        return replayed(self.plan)
 
     @cached_property
     def _named(self) -> dict[str, np.ndarray]:
@@ -108,12 +130,20 @@ def make_content(plan: TargetPlan, options: Options) -> Content:
         in_use[k, list(active)] = 1
     tables = [Table("edges", plan.edges[:, None].astype("f8")), *shared("schedule", in_use)]
     values = 1
-    if plan.model is not None:
-        counts = [len(offset) for offset in plan.model.offset]
+    if plan.filter is not None:
+        counts = [sum(plan.rows[j] for j in active) for active in plan.active]
         values = max([1, *counts])
         tables.append(Table("sensor_values", smallest(np.array([plan.rows]))))
         tables.append(Table("values", smallest(np.array(counts))))
+    if plan.model is not None:
         tables += _filter_tables(plan.model, plan.edges, options, values)
+    if plan.formulas is not None:
+        if options.gains_only:
+            what = "the gains of a nonlinear plant follow from the estimates, there are none beforehand"
+            raise UsageError(f"{what}\n  hint: leave --gains-only out")
+        rows = formula_rows(plan, plan.formulas)
+        rows |= _factors("root", [square_root(plan.formulas.covariance, floor=0.0)], plan.formulas.states)
+        tables += [*time_tables(plan, plan.formulas), *_shared_tables(rows, plan.formulas.mean, options)]
     return Content(plan, options, tables, values)
 
 
@@ -143,7 +173,11 @@ def _filter_tables(model: TargetModel, edges: np.ndarray, options: Options, m: i
             spread = D @ plan.root
             variance += np.einsum("kij,kij->ki", spread, spread)
         rows["predict_variance"] = variance
-    tables = [Table("mean", _rounded("mean", model.mean[None], options))]
+    return _shared_tables(rows, model.mean, options)
+
+
+def _shared_tables(rows: dict[str, np.ndarray], mean: np.ndarray, options: Options) -> list[Table]:
+    tables = [Table("mean", _rounded("mean", mean[None], options))]
     joined = {"noise_lower": "noise_pivot", "root_lower": "root_pivot", "innovation_lower": "innovation_pivot"}
     for name, value in rows.items():
         if name in joined.values():

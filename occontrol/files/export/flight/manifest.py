@@ -34,13 +34,15 @@ def sizes(content: Content) -> PlainDict:
     """
     tables = {table.name: int(table.values.nbytes) for table in content.tables}
     found: PlainDict = {"tables": {"total": sum(tables.values()), **tables}}
-    if content.plan.model is None:
+    if content.plan.filter is None:
         return found
-    n, m = content.plan.model.states, content.values
+    n, m = content.plan.filter.states, content.values
     byte = 8 if content.options.precision == "double" else 4
     full, rows = "full" in content.flags, n + m
     numbers = n + 1 + (n + max(1, n * (n - 1) // 2) if full else 0)
     found["filter"] = -(-(numbers * byte + 9) // byte) * byte
+    if content.plan.formulas is not None:
+        return found | _sizes_of_formulas(content, int(found["filter"]), byte)  # type: ignore[call-overload]
     found["stack_of_working_arrays"] = byte * (n + m) + 4 * m
     multiplications = n * (n + m)
     if "plan" in content.flags:
@@ -54,6 +56,19 @@ def sizes(content: Content) -> PlainDict:
     return found
 
 
+def _sizes_of_formulas(content: Content, one: int, byte: int) -> PlainDict:
+    """Bytes of the arrays that the step of a nonlinear filter works in, and operations of each formula."""
+    n, m = content.table("mean").shape[1], content.values
+    rows, columns = n + m, 2 * ((n + n + m + 1) // 2)
+    sweep = byte * (columns + rows + n + max(1, n * (n - 1) // 2))
+    array = byte * (rows * columns + columns + rows) + 4 * rows
+    work = byte * max(program.work for program in content.programs.values())
+    move = array + byte * 4 * n * n + max(sweep, byte * (3 * n + 3 * n * n) + work)
+    step = one + array + byte * (m + m * n + m * m) + max(sweep, move)
+    operations = {name: program.count for name, program in content.programs.items()}
+    return {"stack_of_working_arrays": step, "operations": operations}
+
+
 def manifest(content: Content, texts: Mapping[str, str], digest: str, problem: str, version: str) -> PlainDict:
     """The content of MANIFEST.json.
 
@@ -65,7 +80,7 @@ def manifest(content: Content, texts: Mapping[str, str], digest: str, problem: s
     problem : digest of the problem
     version : of the writer
     """
-    plan, model = content.plan, content.plan.model
+    plan, model = content.plan, content.plan.filter
     return {
         KEY: SCHEMA_VERSION,
         "run": digest,
@@ -91,6 +106,7 @@ DEVIATIONS = {
     "2.4": "the enumeration of the sensors is for the caller",
     "2.5": "macros of the header are for the caller",
     "8.7": "functions are for the caller",
+    "8.9": "constants that one function reads stand beside those that several do",
     "15.5": "a call returns where it finds a mistake, before it has changed anything",
     "19.2": "the checksum reads the bits of a number through a union",
 }

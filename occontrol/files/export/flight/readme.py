@@ -9,7 +9,7 @@ from occontrol.files.export.flight.manifest import sizes
 def example(content: Content) -> str:
     """The first lines of a program that uses a `content`."""
     lines = ["uint8_t in_use[OCC_SENSORS];"]
-    if content.plan.model is None:
+    if content.plan.filter is None:
         lines += ["uint32_t k;", "if ((occ_check() == OCC_OK) && (occ_interval(t, &k) == OCC_OK)) {"]
         lines += ["    occ_in_use(k, in_use);        /* 1 for every sensor to use at t */", "}"]
     else:
@@ -26,11 +26,18 @@ def sizes_in_words(content: Content) -> str:
     """How large a `content` is, and what it does where values are missing."""
     plan, found = content.plan, sizes(content)
     lines = [f"{plan.intervals} intervals, {len(plan.names)} sensors. Tables: {found['tables']['total']} bytes"]
-    if plan.model is None:
+    if plan.filter is None:
         return lines[0] + f". No filter: {plan.why}."
     lines[0] += f"; a filter: {found['filter']} bytes; its working arrays: {found['stack_of_working_arrays']}."
     flags = content.flags
-    if {"full", "plan"} <= flags:
+    if content.replayed < plan.intervals:
+        lines.append(f"The self-test runs over the first {content.replayed} intervals.")
+    if "nonlinear" in flags:
+        lines.append(
+            "An extended Kalman filter: the formulas are linearised at the estimate in every step, covariances are\n"
+            "factors L diag(d) L'. Elementary functions are written out, so that every processor finds the same bits."
+        )
+    elif {"full", "plan"} <= flags:
         lines.append(
             "While every value arrives, gains and variances are those of the plan; from the first missing value on\n"
             "they are computed, as factors L diag(d) L' of the covariance."

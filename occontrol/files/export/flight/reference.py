@@ -83,6 +83,11 @@ class ReferenceFilter:
         kept = np.flatnonzero(there & ~np.isnan(z))
         if np.any(np.isinf(z[kept])):
             return Status.BAD_SAMPLE
+        return self._step(z, kept, values)
+
+    def _step(self, z: np.ndarray, kept: np.ndarray, values: int) -> Status:
+        """The step with the values of `z` (m,) that are `kept`, of so many."""
+        content, k = self.content, self.k
         F = content.row("transition", k).reshape(self.n, self.n).T
         H = content.row("observe", k).reshape(self.n, self.m).T[kept]
         with np.errstate(all="ignore"):
@@ -143,7 +148,20 @@ class ReferenceFilter:
     def _sweep(
         self, a: np.ndarray, weight: np.ndarray, columns: np.ndarray, count: int, e: np.ndarray, x: np.ndarray
     ) -> Status:
-        """Rows of the values kept, then of the states, made orthogonal; see occ_sweep in templates/b_full.c."""
+        status, x, nis, pivot, lower = self._swept(a, weight, columns, count, e, x)
+        if status == Status.OK:
+            status = self._accept(x, nis, count)
+        if status == Status.OK:
+            self.pivot, self.lower, self.planned = pivot, lower, False
+        return status
+
+    def _swept(
+        self, a: np.ndarray, weight: np.ndarray, columns: np.ndarray, count: int, e: np.ndarray, x: np.ndarray
+    ) -> tuple[Status, np.ndarray, np.floating, np.ndarray, np.ndarray]:
+        """Rows of the values kept, then of the states, made orthogonal; see occ_sweep in templates/b_full.c.
+
+        Returns the status, x, its nis, pivots and lower triangle.
+        """
         n, nis = self.n, self.type.type(0)
         a, weight = (np.concatenate((part, np.zeros_like(part[..., :1])), axis=-1) for part in (a, weight))
         new_pivot, new_lower = np.zeros(n, dtype=self.type), np.eye(n, dtype=self.type)
@@ -156,10 +174,10 @@ class ReferenceFilter:
             total = even + odd
             left = total[0]
             if not np.isfinite(left):
-                return Status.OVERFLOW
+                return Status.OVERFLOW, x, nis, new_pivot, new_lower
             inverse = self.type.type(1) / left if left >= np.finfo(self.type).tiny else self.type.type(0)
             if i < count and not inverse > 0:
-                return Status.SINGULAR
+                return Status.SINGULAR, x, nis, new_pivot, new_lower
             multiple[i + 1 :] = total[1:] * inverse
             if i < count:
                 nis = nis + (e[i] * e[i]) * inverse
@@ -169,10 +187,18 @@ class ReferenceFilter:
                 new_pivot[i - count] = left
                 new_lower[i - count + 1 :, i - count] = multiple[i + 1 :]
             before = a[i].copy()
-        status = self._accept(x, nis, count)
-        if status == Status.OK:
-            self.pivot, self.lower, self.planned = new_pivot, new_lower, False
-        return status
+        status = Status.OK if np.all(np.isfinite(x)) else Status.OVERFLOW
+        return status, x, nis, new_pivot, new_lower
+
+    def foreseen(self) -> tuple[np.ndarray, np.ndarray]:
+        """Values (m,) that the next ones should be near to, and about their deviations (m,)."""
+        content, k = self.content, self.k
+        count = int(content.table("values")[k])
+        H = content.row("observe", k).reshape(self.n, self.m).T[:count]
+        h = np.array([H[i] @ self.x + content.row("offset", k)[i] for i in range(count)])
+        if self.plan:
+            return h, np.sqrt(content.row("innovation_pivot", k)[:count])
+        return h, np.sqrt(np.einsum("ij,jk,ik->i", H, self.covariance(), H))
 
     def covariance(self) -> np.ndarray:
         """(n, n) of the estimate."""
@@ -197,7 +223,7 @@ class ReferenceFilter:
                 total[c:] = total[c:] + (l * pivot[c]) * l
             return total
 
-    def predict(self) -> tuple[np.ndarray, np.ndarray]:
+    def predict(self) -> tuple[np.ndarray, np.ndarray] | None:
         """The prediction (p,) and its variances (p,)."""
         content, k = self.content, self.k
         w, v = content.row("predict_offset", k).copy(), content.row("predict_variance", k).copy()

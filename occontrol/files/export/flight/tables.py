@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occontrol.core.errors import UsageError
+
 WIDTH = 116
 WINDOW = 64  # rows that a new one is compared with
 KINDS = {"f8": "double", "f4": "float", "u1": "uint8_t", "u2": "uint16_t", "u4": "uint32_t"}
@@ -71,6 +73,15 @@ def _double(value: float) -> str:
 def _single(value: float) -> str:
     text = str(np.float32(value))
     return (text if "." in text or "e" in text else f"{text}.0") + "F"
+
+
+def spelled(value: float, dtype: str) -> str:
+    """A finite `value` in C, of `dtype` "f8" or "f4"; UsageError where that does not hold it."""
+    with np.errstate(over="ignore"):
+        if not np.isfinite(np.dtype(dtype).type(value)):
+            what = f"a formula has the number {value:g}, which {'double' if dtype == 'f8' else 'single'} precision"
+            raise UsageError(f"{what} does not hold\n  hint: --precision double, or other units")
+    return _double(value) if dtype == "f8" else _single(value)
 
 
 def smallest(values: np.ndarray) -> np.ndarray:

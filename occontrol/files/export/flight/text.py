@@ -16,9 +16,10 @@ from occontrol.core.errors import UsageError
 from occontrol.core.state_labels import default_names
 from occontrol.files.export.c_text import comment
 from occontrol.files.export.flight.content import Content
+from occontrol.files.export.flight.formula_tables import elementary_flags, formula_source
 from occontrol.files.export.flight.tables import Table
 
-PARTS = ("a_head.c", "b_full.c", "c_step.c", "d_moments.c", "e_schedule.c")
+PARTS = ("a_head.c", "b_full.c", "b_move.c", "c_step.c", "d_moments.c", "e_schedule.c")
 LONGEST_PREFIX = 24
 KEYWORDS = frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register "
@@ -88,7 +89,7 @@ def words_of(content: Content, title: str, digest: str) -> dict[str, str]:
         time = "Time of the estimate after k steps: the start, then every reading."
     return {
         "TITLE": comment(title),
-        "KIND": content.options.words if plan.model else "schedule only",
+        "KIND": content.options.words if plan.filter else "schedule only",
         "DIGEST": digest,
         "SHORT_DIGEST": digest[:12],
         "SIZES": _sizes(content, digest),
@@ -108,9 +109,14 @@ def header(content: Content, prefix: str, words: dict[str, str]) -> str:
 
 def source(content: Content, prefix: str, words: dict[str, str]) -> str:
     """PREFIX_filter.c of `content`, with its `prefix` and `words`."""
-    parts = PARTS if content.plan.model is not None else ("a_schedule.c", "e_schedule.c")
-    text = "".join(kept_parts(template(name), content.flags) for name in parts)
-    return filled(text, prefix, words)
+    parts = PARTS if content.plan.filter is not None else ("a_schedule.c", "e_schedule.c")
+    texts = [kept_parts(template(name), content.flags) for name in parts]
+    if content.plan.formulas is not None:
+        flags = elementary_flags(content.flags, content.programs)
+        elementary = kept_parts(template("b_elementary.c"), flags) if flags else ""
+        dtype = content.options.dtype
+        texts.insert(1, formula_source("".join(texts), content.plan, content.programs, dtype, elementary))
+    return filled("".join(texts), prefix, words)
 
 
 def tables(content: Content, prefix: str, words: dict[str, str]) -> str:
@@ -122,25 +128,28 @@ def tables(content: Content, prefix: str, words: dict[str, str]) -> str:
 
 
 def _check(table: Table) -> str:
-    return f"        {{occ_{table.name}, {table.values.nbytes}U, {table.values.itemsize}U, 0x{table.crc:08X}U}}"
+    numbers = f"{table.values.nbytes}U, {table.values.itemsize}U, 0x{table.crc:08X}U"
+    return f"        {{(const unsigned char *)occ_{table.name}, {numbers}}}"
 
 
 def _sizes(content: Content, digest: str) -> str:
     plan, single = content.plan, content.options.precision == "single"
     numbers = {"INTERVALS": plan.intervals, "SENSORS": len(plan.names)}
     lines = []
-    if plan.model is not None:
-        n = plan.model.states
+    if plan.filter is not None:
+        n = plan.filter.states
         numbers |= {"STATES": n, "VALUES": content.values, "LOWER": max(1, n * (n - 1) // 2)}
-        if plan.model.outputs:
-            numbers["OUTPUTS"] = plan.model.outputs
+        if plan.filter.outputs:
+            numbers["OUTPUTS"] = plan.filter.outputs
+        if plan.formulas is not None:
+            numbers |= {"SQUARE": n * n, "SUBSTEPS": plan.formulas.substeps, "LAST": plan.formulas.last}
         kind, ending = ("float", "F") if single else ("double", "")
         largest = np.finfo(content.options.dtype).max
         lines += [f"typedef {kind} occ_value; /* {content.options.precision} precision */", ""]
         smallest = np.finfo(content.options.dtype).tiny
         lines += [f"#define OCC_LARGEST {largest!s}{ending}", f"#define OCC_SMALLEST {smallest!s}{ending}"]
         lines += [f"#define OCC_ZERO 0.0{ending}"]
-        lines += [f"#define OCC_ONE 1.0{ending}", f"#define OCC_HAS_PLAN {int(not content.options.no_plan)}U"]
+        lines += [f"#define OCC_ONE 1.0{ending}", f"#define OCC_HAS_PLAN {int('plan' in content.flags)}U"]
     lines += [f"#define OCC_{name} {value}U" for name, value in numbers.items()]
     lines += [f'#define OCC_DIGEST "{digest}"']
     return "\n".join(lines)
@@ -148,9 +157,9 @@ def _sizes(content: Content, digest: str) -> str:
 
 def _enums(content: Content) -> str:
     plan, text = content.plan, _enum("sensor", content.plan.names)
-    if plan.model is None:
+    if plan.filter is None:
         return text
-    return f"{text}\n\n{_enum('state', plan.states or default_names(plan.model.states))}"
+    return f"{text}\n\n{_enum('state', plan.states or default_names(plan.filter.states))}"
 
 
 def _enum(kind: str, names: Sequence[str]) -> str:

@@ -20,49 +20,49 @@ PATTERNS = ("every value", "the first value lost", "one value in five lost")
 LOST = 0.2
 
 
-def samples(content: Content) -> np.ndarray:
-    """Values (N, m) that a consistent filter might see, along its planned path.
+def reference_of(content: Content) -> ReferenceFilter:
+    """The reference of the filter of a `content`, of either kind."""
+    if content.plan.formulas is None:
+        return ReferenceFilter(content)
+    from occontrol.files.export.flight.reference_formulas import FormulaReference
+
+    return FormulaReference(content)
+
+
+def samples(content: Content, reference: ReferenceFilter | None = None) -> np.ndarray:
+    """Values (R, m) that a consistent filter might see over the intervals of a replay, along its path.
 
     Parameters
     ----------
     content : Content with a filter
+    reference : its reference, where there is one already
     """
     generator = random.Random(content.plan.intervals)  # the same numbers everywhere and always
-    reference, N = ReferenceFilter(content), content.plan.intervals
+    reference, N = reference or reference_of(content), content.replayed
     z = np.zeros((N, content.values), dtype=reference.type)
     for k in range(N):
-        count = int(content.table("values")[k])
-        H = content.row("observe", k).reshape(reference.n, reference.m).T
-        spread = _spread(reference, k, H)
-        for i in range(count):
-            noise = 1.7 * (2 * generator.random() - 1) * spread[i]
-            seen = float(H[i] @ reference.x + content.row("offset", k)[i] + noise)
-            z[k, i] = float(f"{seen:.9g}")
+        h, spread = reference.foreseen()
+        for i, (value, deviation) in enumerate(zip(h, spread, strict=True)):
+            z[k, i] = float(f"{float(value + 1.7 * (2 * generator.random() - 1) * deviation):.9g}")
         if reference.step(z[k]) != Status.OK:  # nothing to be seen there: stand still
             z[k] = np.nan
             reference.step(z[k])
     return z
 
 
-def _spread(reference: ReferenceFilter, k: int, H: np.ndarray) -> np.ndarray:
-    if reference.plan:
-        return np.sqrt(reference.content.row("innovation_pivot", k))
-    return np.sqrt(np.einsum("ij,jk,ik->i", H, reference.covariance(), H))
-
-
 def losses(content: Content) -> np.ndarray:
-    """(3, N, m) whether each value arrives, for each of PATTERNS.
+    """(3, R, m) whether each value arrives, for each of PATTERNS.
 
     Parameters
     ----------
     content : Content with a filter
     """
     generator = random.Random(content.values)
-    there = np.ones((len(PATTERNS), content.plan.intervals, content.values), dtype="u1")
-    first = np.flatnonzero(content.table("values"))
+    there = np.ones((len(PATTERNS), content.replayed, content.values), dtype="u1")
+    first = np.flatnonzero(content.table("values")[: content.replayed])
     if len(first):
         there[1, first[0], 0] = 0
-    for k in range(content.plan.intervals):
+    for k in range(content.replayed):
         for i in range(content.values):
             there[2, k, i] = generator.random() >= LOST
     return there
@@ -79,27 +79,34 @@ def said(reference: ReferenceFilter, status: Status) -> int:
     parts = [reference.x, np.atleast_1d(reference.nis), reference.variance()]
     if reference.full:
         parts.append(reference.covariance().ravel())
-    if "predict" in reference.content.flags:
-        parts += list(reference.predict())
+    if "predict" in reference.content.flags and reference.k % reference.content.predicted_every == 0:
+        prediction = reference.predict()
+        if prediction is None:
+            return 0
+        parts += list(prediction)
     numbers = np.concatenate(parts).astype(reference.type.newbyteorder("<"))
     word = int(status) + 16 * reference.dimension + 8192 * bool(reference.planned)
     return zlib.crc32(numbers.tobytes() + word.to_bytes(8, "little"))
 
 
-def expected(content: Content, z: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """(3, N+1) the sum before the first step and after each.
+def expected(
+    content: Content, z: np.ndarray, there: np.ndarray, reference: ReferenceFilter | None = None
+) -> np.ndarray:
+    """(3, R+1) the sum before the first step and after each.
 
     Parameters
     ----------
     content : Content with a filter
-    z : (N, m) samples
-    there : (3, N, m) whether they arrive
+    z : (R, m) samples
+    there : (3, R, m) whether they arrive
+    reference : its reference, where there is one already
     """
-    sums = np.zeros((len(there), content.plan.intervals + 1), dtype="u4")
+    reference = reference or reference_of(content)
+    sums = np.zeros((len(there), len(z) + 1), dtype="u4")
     for p, pattern in enumerate(there):
-        reference = ReferenceFilter(content)
+        reference.init()
         sums[p, 0] = said(reference, Status.OK)
-        for k in range(content.plan.intervals):
+        for k in range(len(z)):
             status = reference.step(z[k], pattern[k])
             sums[p, k + 1] = said(reference, status)
     return sums
@@ -107,17 +114,19 @@ def expected(content: Content, z: np.ndarray, there: np.ndarray) -> np.ndarray:
 
 def vectors(content: Content) -> str:
     """host/vectors.h of a `content` with a filter."""
-    z, there = samples(content), losses(content)
-    n, outputs = content.table("mean").shape[1], content.plan.model.outputs if content.plan.model else 0
+    reference = reference_of(content)
+    z, there = samples(content, reference), losses(content)
+    n, outputs = content.table("mean").shape[1], content.plan.filter.outputs if content.plan.filter else 0
     size = 2 * n + 1 + (n * n if "full" in content.flags else 0) + 2 * outputs
     lines = ["#ifndef OCC_VECTORS_H", "#define OCC_VECTORS_H", "", f"#define OCC_SAID {size}U"]
-    lines += [f"#define OCC_PATTERNS {len(PATTERNS)}U"]
+    lines += [f"#define OCC_PATTERNS {len(PATTERNS)}U", f"#define OCC_REPLAYED {content.replayed}U"]
+    lines += [f"#define OCC_PREDICTED_EVERY {content.predicted_every}U"] if outputs else []
     lines += [f"typedef {'uint64_t' if content.options.precision == 'double' else 'uint32_t'} occ_word;", ""]
     spoken = ", ".join(map(c_string, PATTERNS))
     lines += [f"static const char *const occ_patterns[OCC_PATTERNS] = {{{spoken}}};"]
     lost = np.any(np.isnan(z), axis=1)
     z, there = np.where(lost[:, None], 0, z), np.where(lost[None, :, None], 0, there).astype("u1")
-    sums = expected(content, z, there)
+    sums = expected(content, z, there, reference)
     lines += [f"static {Table('samples', z.astype(content.options.dtype)).definition()}"]
     lines += [f"static {_nested('valid', there)}", f"static {Table('expected', sums).definition()}"]
     return "\n".join([*lines, "#endif", ""])

@@ -42,7 +42,7 @@ def fmu_texts(
     """
     if edition not in EDITIONS:
         raise UsageError(f"there is no FMI {edition} for --fmi\n  hint: there are: 2, 3")
-    if plan.model is None:
+    if plan.filter is None:
         raise UsageError(f"an FMU needs a filter: {plan.why}\n  hint: --to flight writes the schedule alone")
     content = make_content(plan, options)
     digest = run_digest(content, problem)

@@ -34,7 +34,7 @@ class Variable:
 def references(content: Content) -> dict[str, int]:
     """{name in C: first reference} of the variables of a `content`."""
     n, m = content.table("mean").shape[1], content.values
-    p = content.plan.model.outputs if content.plan.model else 0
+    p = content.plan.filter.outputs if content.plan.filter else 0
     sizes = {"TIME": 1, "Z": m, "VALID": m, "X": n, "SD_X": n, "W": p, "SD_W": p, "NIS": 1}
     sizes |= {"NEXT": len(content.plan.names), "PLANNED": 1, "STATUS": 1, "COUNT": 1}
     found, at = {}, 0
@@ -47,7 +47,7 @@ def variables(content: Content) -> list[Variable]:
     """Every variable of a `content`, in the order of their references."""
     plan, first = content.plan, references(content)
     n, m = content.table("mean").shape[1], content.values
-    p = plan.model.outputs if plan.model else 0
+    p = plan.filter.outputs if plan.filter else 0
     found = [Variable("time", 0, "real", "independent", "Time")]
 
     states = plan.states or default_names(n)

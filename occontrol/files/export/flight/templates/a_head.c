@@ -1,10 +1,24 @@
 /* The filter along the schedule: C99, no heap, no recursion, no library, nothing shared between two filters.
  *
+/*?linear*/
  *   z = H x + d + v,   x+ = F x + g + w        values z arrive at the end of an interval, x+ holds there
-/*?full*/
+/*.*/
+/*?nonlinear continuous*/
+ *   dx/dt = f(x, t) + w,   z = h(x, t) + v     values z arrive at the end of an interval; extended Kalman filter:
+ *                                              slopes of f and h are those at the estimate, Runge-Kutta steps
+/*.*/
+/*?nonlinear discrete*/
+ *   x+ = f(x, k) + w,   z = h(x, k) + v        extended Kalman filter: slopes of f and h are those at the estimate
+/*.*/
+/*?full linear*/
  *   [ H L  V ]                                 P = L diag(d) L', cov [v; w] = [V; W] diag(.) [V; W]':
  *   [ F L  W ] = [unit lower triangle] [rest]  weighted Gram-Schmidt on the rows gives L+, d+ and the gain,
  *                                              so that P stays definite whatever the data (Thornton, Bierman)
+/*.*/
+/*?nonlinear*/
+ *   [ F L  W ] = [unit lower triangle] [rest]  P = L diag(d) L', noise W diag(.) W': weighted Gram-Schmidt on the rows
+ *   [ H L  V ]                                 gives the factors before a reading, and once more, with [L 0] below the
+ *   [   L  0 ]                                 second line, those after it and the gain (Thornton, Bierman)
 /*.*/
  * Matrices are stored column by column; sums run from the first term to the last, so that every compiler that keeps
  * to C99 finds the same bits. */
@@ -48,6 +62,7 @@ static uint8_t occ_all_finite(const occ_value x[OCC_STATES])
     return all;
 }
 
+/*?affine*/
 /* d + m x, where m is a row of a matrix whose columns are `apart` */
 static occ_value occ_affine(occ_value d, const occ_value *m, uint32_t apart, const occ_value x[OCC_STATES])
 {
@@ -60,6 +75,7 @@ static occ_value occ_affine(occ_value d, const occ_value *m, uint32_t apart, con
     return sum;
 }
 
+/*.*/
 occ_status occ_init(occ_filter *f)
 {
     uint32_t i;

@@ -57,7 +57,10 @@ static occ_status occ_sweep(occ_filter *f, occ_value a[OCC_ROWS][OCC_COLUMNS], c
         if (occ_is_finite(left) == 0U) {
             return OCC_OVERFLOW;
         }
-        inverse = (left >= OCC_SMALLEST) ? (OCC_ONE / left) : OCC_ZERO;
+        inverse = OCC_ZERO;
+        if (left >= OCC_SMALLEST) {
+            inverse = OCC_ONE / left;
+        }
         if (i >= count) {
             pivot[i - count] = left;
         } else if (inverse > OCC_ZERO) {

@@ -35,6 +35,7 @@ static occ_status occ_planned_step(occ_filter *f, uint32_t values, const occ_val
 /*.*/
 occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t valid[OCC_VALUES])
 {
+/*?linear*/
 /*?full*/
     occ_value e[OCC_ROWS];
 /*.*/
@@ -45,6 +46,7 @@ occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t 
     const occ_value *F;
     const occ_value *H;
     occ_status status;
+/*.*/
     uint32_t kept[OCC_VALUES];
     uint32_t count = 0U;
     uint32_t values;
@@ -62,7 +64,9 @@ occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t 
     values = occ_values[f->k];
     for (r = 0U; r < OCC_VALUES; r++) {
         kept[r] = 0U;
+/*?linear*/
         e[r] = OCC_ZERO;
+/*.*/
     }
     if ((z == NULL) && (values > 0U)) {
         return OCC_NULL_POINTER;
@@ -76,6 +80,12 @@ occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t 
             count++;
         }
     }
+/*?nonlinear*/
+    return occ_formula_step(f, z, kept, count, values);
+}
+
+/*.*/
+/*?linear*/
     F = occ_transition[occ_transition_row[f->k]];
     H = occ_observe[occ_observe_row[f->k]];
     /* e = z - (H x + d) of what is kept, x = F x + g */
@@ -124,3 +134,4 @@ occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t 
     return status;
 }
 
+/*.*/

@@ -69,6 +69,10 @@ occ_status occ_variance(const occ_filter *f, occ_value v[OCC_STATES])
 occ_status occ_predict(const occ_filter *f, occ_value w[OCC_OUTPUTS], occ_value v[OCC_OUTPUTS])
 {
     const occ_value *D;
+/*?nonlinear*/
+    occ_filter g;
+    occ_status status = OCC_OK;
+/*.*/
 /*?full*/
     const occ_value *pivot;
     const occ_value *lower;
@@ -82,14 +86,33 @@ occ_status occ_predict(const occ_filter *f, occ_value w[OCC_OUTPUTS], occ_value 
     if (f->k > OCC_INTERVALS) {
         return OCC_OUTSIDE;
     }
+/*?nonlinear*/
+    g = *f; /* moves on to the time of the prediction */
+    for (c = f->k; (c < OCC_LAST) && (status == OCC_OK); c++) {
+        status = occ_move(&g, c);
+    }
+    if (status != OCC_OK) {
+        return status;
+    }
+/*.*/
     D = occ_predict_matrix[occ_predict_matrix_row[f->k]];
     for (r = 0U; r < OCC_OUTPUTS; r++) {
+/*?nonlinear*/
+        w[r] = occ_affine(occ_predict_offset[occ_predict_offset_row[f->k]][r], &D[r], OCC_OUTPUTS, g.x);
+/*.*/
+/*?linear*/
         w[r] = occ_affine(occ_predict_offset[occ_predict_offset_row[f->k]][r], &D[r], OCC_OUTPUTS, f->x);
+/*.*/
         v[r] = occ_predict_variance[occ_predict_variance_row[f->k]][r];
     }
 /*?full*/
     /* the noise until then + D L diag(.) L' D' */
+/*?nonlinear*/
+    occ_factor(&g, &pivot, &lower);
+/*.*/
+/*?linear*/
     occ_factor(f, &pivot, &lower);
+/*.*/
     for (r = 0U; r < OCC_OUTPUTS; r++) {
         occ_value row[OCC_COLUMNS];
         occ_times_factor(row, &D[r], OCC_OUTPUTS, lower);

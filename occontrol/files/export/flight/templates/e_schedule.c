@@ -138,7 +138,7 @@ static uint32_t occ_crc(const unsigned char *bytes, uint32_t count, uint32_t wid
 occ_status occ_check(void)
 {
     static const struct {
-        const void *table;
+        const unsigned char *bytes;
         uint32_t count;
         uint32_t width;
         uint32_t crc;
@@ -149,7 +149,7 @@ occ_status occ_check(void)
     uint32_t wrong = 0U;
 
     for (i = 0U; i < (uint32_t)(sizeof(tables) / sizeof(tables[0])); i++) {
-        wrong |= occ_crc((const unsigned char *)tables[i].table, tables[i].count, tables[i].width) ^ tables[i].crc;
+        wrong |= occ_crc(tables[i].bytes, tables[i].count, tables[i].width) ^ tables[i].crc;
     }
     return (wrong == 0U) ? OCC_OK : OCC_BAD_TABLE;
 }

@@ -18,11 +18,11 @@ static double occ_run(uint32_t pattern, double *sum)
             occ_filter f;
             uint32_t k;
             (void)occ_init(&f);
-            for (k = 0U; k < OCC_INTERVALS; k++) {
+            for (k = 0U; k < OCC_REPLAYED; k++) {
                 (void)occ_step(&f, occ_samples[k], occ_valid[pattern][k]);
             }
             *sum += (double)f.x[0];
-            steps += OCC_INTERVALS;
+            steps += OCC_REPLAYED;
         }
         each = (1.0e9 * ((double)(clock() - start) / (double)CLOCKS_PER_SEC)) / (double)steps;
         quickest = (each < quickest) ? each : quickest;
