@@ -38,12 +38,24 @@ def fmus_agree(paths: dict[int, Path], content: Content, run: bool) -> list[str]
     return wrong
 
 
+def _spans(content: Content, count: int) -> list[tuple[float, float]]:
+    """Beginning and end of so many intervals; those of a cycle go on after its end."""
+    reference, found = reference_of(content), []
+    for _ in range(count):
+        found.append((reference.time_after(0), reference.time_after(1)))
+        reference.k += 1
+        if reference.k == content.plan.intervals and content.plan.again is not None:
+            reference.k, reference.round = content.plan.again, reference.round + 1
+    return found
+
+
 def _last_state(path: Path, content: Content) -> list[float]:
     import fmpy
     from fmpy.build import build_platform_binary
     from fmpy.model_description import read_model_description
 
-    edges, z = content.plan.edges, samples(content)
+    z = samples(content)
+    edges = np.append(content.plan.edges[0], [end for _, end in _spans(content, len(z))])
     quiet = partial(subprocess.run, check=True, capture_output=True)  # FMPy lets cmake speak
     with tempfile.TemporaryDirectory() as place, patch("subprocess.check_call", quiet):
         fmpy.extract(str(path), place)

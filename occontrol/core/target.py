@@ -111,6 +111,7 @@ class TargetPlan:
     formulas : FormulaModel, or None where the filter is linear or there is none
     why : the reason where there is none
     states : names of the states, with their units; () where nobody says
+    again : of a cycle that is repeated for ever the interval that follows the last one; None where the horizon ends
     """
 
     edges: np.ndarray
@@ -124,6 +125,7 @@ class TargetPlan:
     formulas: FormulaModel | None = None
     why: str = ""
     states: tuple[str, ...] = ()
+    again: int | None = None
 
     @property
     def intervals(self) -> int:

@@ -56,6 +56,8 @@ class Machine:
         full = [("pivot", self.real * self.n), ("lower", self.real * lower)] if "full" in content.flags else []
         fields = [("x", self.real * self.n), *full, ("nis", self.real), ("dimension", ctypes.c_uint32)]
 
+        fields += [("round", ctypes.c_uint64)] if "endless" in content.flags else []
+
         class Filter(ctypes.Structure):
             _fields_ = [*fields, ("k", ctypes.c_uint32), ("planned", ctypes.c_uint8)]
 

@@ -231,14 +231,14 @@ def online(problem: PeriodicProblem, solution: Solution) -> EndlessFilter:
 
 
 def cycle_target(problem: PeriodicProblem, solution: Solution) -> TargetPlan:
-    """One cycle and its filter in the steady state, for code on a target; after its end it begins again.
+    """One cycle and its filter in the steady state, for code on a target that begins it again for ever.
 
     Parameters
     ----------
     problem : PeriodicProblem
     solution : with one cycle as its schedule
 
-    Interval k leads to the reading at step k; the first begins at the last step of the cycle before.
+    Of readings the first interval is empty and leads to the reading at the start; the others make the cycle.
     """
     from occontrol.families.athans.filter.predictor import Predictor
     from occontrol.families.athans.filter.target import plan_of
@@ -249,16 +249,14 @@ def cycle_target(problem: PeriodicProblem, solution: Solution) -> TargetPlan:
     whole = plan_of(matched.model, none, instants=not rate, variable=problem.variable)
     model = whole.model
     assert isinstance(model, TargetModel)
-    edges = np.asarray(whole.edges)[period:]
-    last = problem.step * (period if rate else period - 1)
+    again = 0 if rate else 1
+    N = period + again
     return replace(
-        whole, edges=edges - edges[-1] + last, active=list(whole.active)[period:],
+        whole, edges=np.asarray(whole.edges)[: N + 1], active=list(whole.active)[:N], again=again,
         model=replace(
-            model, transition=model.transition[period:], input=model.input[period:],
-            observe=list(model.observe)[period:], offset=list(model.offset)[period:],
-            noise_root=list(model.noise_root)[period:], covariance=matched.plan.covariance[period],
-            predict_matrix=none.matrix[period:], predict_offset=none.offset[period:],
-            predict_noise=none.noise[period:],
+            model, transition=model.transition[:N], input=model.input[:N], observe=list(model.observe)[:N],
+            offset=list(model.offset)[:N], noise_root=list(model.noise_root)[:N], predict_matrix=none.matrix[: N + 1],
+            predict_offset=none.offset[: N + 1], predict_noise=none.noise[: N + 1],
         ),
     )  # fmt: skip
 

@@ -83,6 +83,7 @@ class Content:
         found |= {"filter", self.options.precision} | ({"predict", "affine"} if model.outputs else set())
         if formulas is not None:
             return found | {"full"} | formula_flags(self.plan, formulas)
+        found |= {"endless"} if self.plan.again is not None else set()
         found |= {"linear", "affine"} | (set() if self.options.gains_only else {"full"})
         return found | (set() if self.options.no_plan else {"plan"})
 

@@ -57,6 +57,8 @@ def programs_of(plan: TargetPlan) -> dict[str, Program]:
 
 def replayed(plan: TargetPlan) -> int:
     """Over how many intervals of a `plan` a self-test runs: all, or as many as take a moment in Python."""
+    if plan.again is not None:  # three rounds of a cycle
+        return plan.intervals + 2 * (plan.intervals - plan.again)
     each = 1 if plan.formulas is None or plan.formulas.discrete else 2 * plan.formulas.substeps
     return plan.intervals if plan.formulas is None else min(plan.intervals, max(4, REPLAYED // each))
 

@@ -18,7 +18,8 @@ def example(content: Content) -> str:
         lines += ["while (occ_next(&f, in_use) == OCC_OK) {"]
         lines += ["    /* read the sensors in use, their values one after the other into z; NaN: missing */"]
         lines += ["    if (occ_step(&f, z, NULL) != OCC_OK) { /* f is as it was */ }"]
-        lines += ["    occ_variance(&f, v);          /* f.x is the estimate at occ_time(f.k) */", "}"]
+        now = "occ_time(f.k)" if content.plan.again is None else "occ_time_after(&f, 0U)"
+        lines += [f"    occ_variance(&f, v);          /* f.x is the estimate at {now} */", "}"]
     return "\n".join(f"    {line}" for line in lines)
 
 
@@ -30,6 +31,11 @@ def sizes_in_words(content: Content) -> str:
         return lines[0] + f". No filter: {plan.why}."
     lines[0] += f"; a filter: {found['filter']} bytes; its working arrays: {found['stack_of_working_arrays']}."
     flags = content.flags
+    if plan.again is not None:
+        lines.append(
+            f"A cycle repeated for ever: interval {plan.again} follows the last one, `round` counts the cycles.\n"
+            "Times count from the start of the first cycle; those of later ones are as exact as a double holds them."
+        )
     if content.replayed < plan.intervals:
         lines.append(f"The self-test runs over the first {content.replayed} intervals.")
     if "nonlinear" in flags:

@@ -43,7 +43,7 @@ class ReferenceFilter:
 
     def init(self) -> None:
         """Back to the start of the horizon."""
-        self.k, self.dimension, self.planned = 0, 0, self.plan
+        self.k, self.round, self.dimension, self.planned = 0, 0, 0, self.plan
         self.nis = self.type.type(0)
         self.x = self.content.table("mean")[0].copy()
         if self.full:
@@ -51,7 +51,8 @@ class ReferenceFilter:
 
     def init_at(self, k: int, x: np.ndarray) -> Status:
         """Start at node `k` with the estimate x (n,)."""
-        if not 0 <= k <= self.content.plan.intervals:
+        plan = self.content.plan
+        if not 0 <= k <= plan.intervals - (plan.again is not None):
             return Status.OUTSIDE
         if not np.all(np.isfinite(x)):
             return Status.BAD_STATE
@@ -128,7 +129,19 @@ class ReferenceFilter:
             return Status.OVERFLOW
         self.x, self.nis, self.dimension = x, nis, dimension
         self.k += 1
+        if self.k == self.content.plan.intervals and self.content.plan.again is not None:
+            self.k, self.round = self.content.plan.again, self.round + 1
         return Status.OK
+
+    def time_after(self, steps: int = 0) -> float:
+        """Time of the estimate after so many more `steps`."""
+        plan, at, rounds = self.content.plan, self.k + steps, self.round
+        if plan.again is None:
+            return float(plan.edges[min(at, plan.intervals)])
+        if at >= plan.intervals:
+            more, place = divmod(at - plan.again, plan.intervals - plan.again)
+            at, rounds = plan.again + place, rounds + more
+        return float(plan.edges[at]) + float(rounds) * float(plan.edges[-1] - plan.edges[plan.again])
 
     def _full_step(
         self, F: np.ndarray, H: np.ndarray, kept: np.ndarray, values: int, e: np.ndarray, x: np.ndarray

@@ -99,6 +99,10 @@ def words_of(content: Content, title: str, digest: str) -> dict[str, str]:
         "INTERVAL": interval,
         "TIME": time,
         "AT": comment(plan.predicted_for),
+        "NOW": "occ_time(f.k)" if plan.again is None else "occ_time_after(&f, 0U)",
+        "NOW_K": "occ_time(k)" if plan.again is None else "occ_time_after(f, 0U)",
+        "EARLY": "t" if plan.again is None else "(here + slack)",
+        "LATE": "t" if plan.again is None else "(here - slack)",
     }
 
 
@@ -150,6 +154,8 @@ def _sizes(content: Content, digest: str) -> str:
         lines += [f"#define OCC_LARGEST {largest!s}{ending}", f"#define OCC_SMALLEST {smallest!s}{ending}"]
         lines += [f"#define OCC_ZERO 0.0{ending}"]
         lines += [f"#define OCC_ONE 1.0{ending}", f"#define OCC_HAS_PLAN {int('plan' in content.flags)}U"]
+    if plan.again is not None:
+        numbers["AGAIN"] = plan.again
     lines += [f"#define OCC_{name} {value}U" for name, value in numbers.items()]
     lines += [f'#define OCC_DIGEST "{digest}"']
     return "\n".join(lines)

@@ -14,6 +14,8 @@ from occontrol.api import document, family_of
 from occontrol.core.solution import Status
 from occontrol.families.athans.periodic.fill import fill, flow
 from occontrol.families.athans.periodic.transient import transient
+from occontrol.files.export.flight.content import Options, make_content
+from occontrol.files.export.flight.reference import ReferenceFilter
 
 VEHICLE = """family: athans
 name: vehicle
@@ -202,15 +204,30 @@ def test_the_filter_of_a_cycle_repeats_itself_and_runs_on_line(solved) -> None:
             assert step.time == pytest.approx(estimate.times[k + 1], abs=1e-9)
             assert step.estimate == pytest.approx(estimate.mean[k + 1], rel=1e-9, abs=1e-9)
         plan = family_of(problem).target_plan(problem, solution)
-        assert plan.intervals == period and plan.instants == problem.takes_readings and plan.model is not None
-        S = plan.model.covariance
+        again = 1 if problem.takes_readings else 0
+        assert plan.again == again and plan.intervals == period + again and plan.model is not None
+        assert plan.edges[-1] - plan.edges[again] == pytest.approx(period * problem.step)
+        reference = ReferenceFilter(make_content(plan, Options()))
+        loop = oc.online(problem, solution)
+        for k in range(3 * period + 1):  # what the code for a target does, beside the loop
+            z = by_time.get(k + first, {})
+            step = loop.step(z)
+            assert reference.step(np.concatenate([*z.values(), np.zeros(0)])) == 0
+            assert reference.x == pytest.approx(step.estimate, rel=1e-9, abs=1e-9)
+            assert reference.variance() == pytest.approx(np.diag(step.covariance), rel=1e-9)
+            assert reference.time_after() == pytest.approx(step.time, abs=1e-9)
+        S = None
         for _ in range(2):  # a filter of its own along the plan comes back to where the cycle began
-            for F, H, N in zip(plan.model.transition, plan.model.observe, plan.model.noise_root, strict=True):
+            start = S
+            S = plan.model.covariance if S is None else S
+            parts = (plan.model.transition, plan.model.observe, plan.model.noise_root)
+            for F, H, N in list(zip(*parts, strict=True))[0 if start is None else again :]:
                 n = len(F)
                 joint = np.vstack([F, H]) @ S @ np.vstack([F, H]).T + N @ N.T
                 gain = np.linalg.solve(joint[n:, n:], joint[n:, :n]).T if len(H) else np.zeros((n, 0))
                 S = joint[:n, :n] - gain @ joint[n:, :n]
-            assert S == pytest.approx(plan.model.covariance, rel=1e-9, abs=1e-12)
+            start = plan.model.covariance if not again and start is None else start
+            assert start is None or S == pytest.approx(start, rel=1e-9, abs=1e-12)
         tables = family_of(problem).filter_tables(problem, solution)
         assert len(tables["transition"]) == period
         assert tables["covariance"][0] == pytest.approx(tables["covariance"][-1])

@@ -84,6 +84,9 @@ occ_status occ_init(occ_filter *f)
         return OCC_NULL_POINTER;
     }
     f->k = 0U;
+/*?endless*/
+    f->round = 0U;
+/*.*/
     f->dimension = 0U;
     f->planned = OCC_HAS_PLAN;
     f->nis = OCC_ZERO;
@@ -110,9 +113,16 @@ occ_status occ_init_at(occ_filter *f, uint32_t k, const occ_value x[OCC_STATES])
     if ((f == NULL) || (x == NULL)) {
         return OCC_NULL_POINTER;
     }
+/*?endless*/
+    if (k >= OCC_INTERVALS) {
+        return OCC_OUTSIDE;
+    }
+/*.*/
+/*?!endless*/
     if (k > OCC_INTERVALS) {
         return OCC_OUTSIDE;
     }
+/*.*/
     if (occ_all_finite(x) == 0U) {
         return OCC_BAD_STATE;
     }

@@ -59,7 +59,12 @@ occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t 
         return OCC_NULL_POINTER;
     }
     if (f->k >= OCC_INTERVALS) {
+/*?endless*/
+        return OCC_OUTSIDE;
+/*.*/
+/*?!endless*/
         return OCC_END;
+/*.*/
     }
     values = occ_values[f->k];
     for (r = 0U; r < OCC_VALUES; r++) {
@@ -130,6 +135,12 @@ occ_status occ_step(occ_filter *f, const occ_value z[OCC_VALUES], const uint8_t 
         }
         f->dimension = count;
         f->k++;
+/*?endless*/
+        if (f->k >= OCC_INTERVALS) {
+            f->k = OCC_AGAIN; /* the cycle begins again */
+            f->round++;
+        }
+/*.*/
     }
     return status;
 }

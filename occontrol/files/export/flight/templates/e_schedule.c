@@ -25,22 +25,89 @@ double occ_time(uint32_t k)
     return occ_edges[(k < OCC_INTERVALS) ? k : OCC_INTERVALS][0];
 }
 
+/*?endless*/
+/* t brought into the first cycle, and without a rounding: from t of any size the largest length * 2^j that is in it is
+ * taken away, then the next smaller one */
+static double occ_in_cycle(double t)
+{
+    const double begin = occ_edges[OCC_AGAIN][0];
+    const double length = occ_edges[OCC_INTERVALS][0] - begin;
+    double left = t - begin;
+    double largest = length;
+    uint32_t i;
+
+    for (i = 0U; (i < 1100U) && (largest <= (left / 2.0)); i++) {
+        largest *= 2.0;
+    }
+    for (i = 0U; (i < 1100U) && (left >= length); i++) {
+        if (left >= largest) {
+            left -= largest;
+        }
+        largest /= 2.0;
+    }
+    return begin + left;
+}
+
+double occ_time_after(const occ_filter *f, uint32_t steps)
+{
+    const uint32_t period = OCC_INTERVALS - OCC_AGAIN;
+    const double length = occ_edges[OCC_INTERVALS][0] - occ_edges[OCC_AGAIN][0];
+    double t = 0.0;
+
+    if (f != NULL) {
+        const uint64_t at = (uint64_t)f->k + steps;
+        uint64_t rounds = f->round;
+        uint64_t place = at;
+        if (at >= OCC_INTERVALS) {
+            rounds += (at - OCC_AGAIN) / period;
+            place = OCC_AGAIN + ((at - OCC_AGAIN) % period);
+        }
+        t = occ_edges[place][0] + ((double)rounds * length);
+    }
+    return t;
+}
+
+/*.*/
 occ_status occ_interval(double t, uint32_t *k)
 {
     uint32_t low = 0U;
     uint32_t high = OCC_INTERVALS;
+/*?endless*/
+    double here = t;
+    double slack;
+/*.*/
     occ_status status = OCC_OK;
 
     if (k == NULL) {
         status = OCC_NULL_POINTER;
+/*?endless*/
+    } else if (!((t >= occ_edges[0][0]) && (t <= 1.0e300))) {
+/*.*/
+/*?!endless*/
     } else if (!((t >= occ_edges[0][0]) && (t <= occ_edges[OCC_INTERVALS][0]))) {
+/*.*/
         status = OCC_OUTSIDE;
     } else {
+/*?endless*/
+        slack = 8.9e-16 * t; /* a time that was added up over many cycles counts as the edge that it is meant to be */
+        if (t >= (occ_edges[OCC_INTERVALS][0] - slack)) {
+            here = occ_in_cycle(t);
+            if (here >= (occ_edges[OCC_INTERVALS][0] - slack)) {
+                here = occ_edges[OCC_AGAIN][0];
+            }
+/*?instants*/
+            if (here <= (occ_edges[OCC_AGAIN][0] + slack)) {
+                here = occ_edges[OCC_INTERVALS][0]; /* the last reading of a cycle */
+            }
+            low = OCC_AGAIN;
+/*.*/
+        }
+/*.*/
 /*?instants*/
         /* the first reading that is not before t */
         while (low < high) {
             const uint32_t middle = low + ((high - low) / 2U);
-            if (occ_edges[middle + 1U][0] < t) {
+            if (occ_edges[middle + 1U][0] < @LATE@) {
                 low = middle + 1U;
             } else {
                 high = middle;
@@ -50,7 +117,7 @@ occ_status occ_interval(double t, uint32_t *k)
 /*?!instants*/
         while ((high - low) > 1U) {
             const uint32_t middle = low + ((high - low) / 2U);
-            if (occ_edges[middle][0] <= t) {
+            if (occ_edges[middle][0] <= @EARLY@) {
                 low = middle;
             } else {
                 high = middle;
@@ -85,10 +152,15 @@ occ_status occ_next(const occ_filter *f, uint8_t in_use[OCC_SENSORS])
     occ_status status = OCC_NULL_POINTER;
 
     if (f != NULL) {
+/*?endless*/
+        status = occ_in_use(f->k, in_use);
+/*.*/
+/*?!endless*/
         status = (f->k >= OCC_INTERVALS) ? OCC_END : OCC_OK;
         if (status == OCC_OK) {
             status = occ_in_use(f->k, in_use);
         }
+/*.*/
     }
     return status;
 }

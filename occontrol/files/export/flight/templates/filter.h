@@ -5,7 +5,7 @@
  *   if ((occ_check() == OCC_OK) && (occ_init(&f) == OCC_OK)) {
  *       occ_next(&f, in_use);           which sensors to read during the coming interval
  *       occ_step(&f, z, NULL);          at its end: their values, one sensor after the other; NaN: missing
- *       occ_variance(&f, v);            f.x is the estimate at occ_time(f.k), v its variances
+ *       occ_variance(&f, v);            f.x is the estimate at @NOW@, v its variances
  *   }
  *
  * A status other than OCC_OK leaves the filter as it was. */
@@ -37,14 +37,20 @@ typedef enum {
 
 /*?filter*/
 typedef struct {
-    occ_value x[OCC_STATES];  /* the estimate at occ_time(k) */
+    occ_value x[OCC_STATES];  /* the estimate at @NOW_K@ */
 /*?full*/
     occ_value pivot[OCC_STATES]; /* of the covariance L diag(pivot) L', once the plan does not hold */
     occ_value lower[OCC_LOWER];  /* L below its diagonal, row by row */
 /*.*/
     occ_value nis;            /* normalised innovation squared of the last values */
     uint32_t dimension;       /* how many values there were */
+/*?endless*/
+    uint64_t round;           /* cycles done */
+    uint32_t k;               /* the coming interval */
+/*.*/
+/*?!endless*/
     uint32_t k;               /* steps done */
+/*.*/
     uint8_t planned;          /* 1 while gains and variances are those computed beforehand */
 } occ_filter;
 
@@ -67,7 +73,14 @@ occ_status occ_covariance(const occ_filter *f, occ_value p[OCC_STATES * OCC_STAT
 /* Prediction w of the output@AT@, and its variances v. */
 occ_status occ_predict(const occ_filter *f, occ_value w[OCC_OUTPUTS], occ_value v[OCC_OUTPUTS]);
 /*.*/
+/*?endless*/
+/* Time of the estimate after so many more steps; 0: now. */
+double occ_time_after(const occ_filter *f, uint32_t steps);
+/* Which sensors to read during the coming interval (1) and which not (0). */
+/*.*/
+/*?!endless*/
 /* Which sensors to read during the coming interval (1) and which not (0): OCC_END. */
+/*.*/
 occ_status occ_next(const occ_filter *f, uint8_t in_use[OCC_SENSORS]);
 /* Where the values of a sensor stand among those of interval k; count is 0 where it is not in use. */
 occ_status occ_place(uint32_t k, uint32_t sensor, uint32_t *first, uint32_t *count);

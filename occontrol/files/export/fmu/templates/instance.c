@@ -52,11 +52,21 @@ static occ_instance *occ_take(const char *token)
     return NULL;
 }
 
-static uint8_t occ_ends_by(uint32_t k, double t)
+/* whether the interval after so many others ends by t */
+static uint8_t occ_ends_by(const occ_filter *f, uint32_t ahead, double t)
 {
-    const double end = occ_time(k + 1U);
+/*?endless*/
+    const double begin = occ_time_after(f, ahead);
+    const double end = occ_time_after(f, ahead + 1U);
+    const uint8_t there = 1U;
+/*.*/
+/*?!endless*/
+    const double begin = occ_time(f->k + ahead);
+    const double end = occ_time(f->k + ahead + 1U);
+    const uint8_t there = ((f->k + ahead) < OCC_INTERVALS) ? 1U : 0U;
+/*.*/
 
-    return (uint8_t)((k < OCC_INTERVALS) && (end <= (t + (1.0e-9 * (end - occ_time(k))) + (4.0e-16 * fabs(t)))));
+    return (uint8_t)((there != 0U) && (end <= (t + (1.0e-9 * (end - begin)) + (4.0e-16 * fabs(t)))));
 }
 
 /* all intervals that end by t; the inputs are the values of the last one, those of the others are missing */
@@ -71,8 +81,8 @@ static int occ_advance(occ_instance *one, double t)
         none[i] = 0U;
     }
     one->status = (one->f.k >= OCC_INTERVALS) ? OCC_END : OCC_OK;
-    while (occ_ends_by(one->f.k, t) != 0U) {
-        const uint8_t last = (uint8_t)(occ_ends_by(one->f.k + 1U, t) == 0U);
+    while (occ_ends_by(&one->f, 0U, t) != 0U) {
+        const uint8_t last = (uint8_t)(occ_ends_by(&one->f, 1U, t) == 0U);
         one->status = occ_step(&one->f, z, (last != 0U) ? one->valid : none);
         if (one->status != OCC_OK) {
             return 0; /* the interval stays; its values are missing when the next step passes it */
@@ -98,7 +108,12 @@ static int occ_get_real(const occ_instance *one, uint32_t reference, double *val
 /*.*/
 
     if (reference == OCC_REF_TIME) {
+/*?endless*/
+        *value = occ_time_after(&one->f, 0U);
+/*.*/
+/*?!endless*/
         *value = occ_time(one->f.k);
+/*.*/
     } else if ((reference >= OCC_REF_Z) && (reference < (OCC_REF_Z + OCC_VALUES))) {
         *value = one->z[reference - OCC_REF_Z];
     } else if ((reference >= OCC_REF_X) && (reference < (OCC_REF_X + OCC_STATES))) {
