@@ -34,16 +34,22 @@ static double occ_in_cycle(double t)
     const double length = occ_edges[OCC_INTERVALS][0] - begin;
     double left = t - begin;
     double largest = length;
-    uint32_t i;
+    uint32_t larger = 1U;
+    uint8_t more = 1U;
 
-    for (i = 0U; (i < 1100U) && (largest <= (left / 2.0)); i++) {
-        largest *= 2.0;
+    while ((larger < 1100U) && (more != 0U)) {
+        more = (largest <= (left / 2.0)) ? 1U : 0U;
+        if (more != 0U) {
+            largest *= 2.0;
+            larger++;
+        }
     }
-    for (i = 0U; (i < 1100U) && (left >= length); i++) {
+    while (larger > 0U) {
         if (left >= largest) {
             left -= largest;
         }
         largest /= 2.0;
+        larger--;
     }
     return begin + left;
 }
