@@ -10,7 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz"}}
+# kernels are called from Python and from each other, not through a pointer of C: without that entry less is compiled
+ENTRY = {"no_cfunc_wrapper": True}
+OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz"}, **ENTRY}
 
 
 @njit(**OPTIONS)

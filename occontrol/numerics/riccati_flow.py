@@ -120,7 +120,8 @@ def march(
     S, E, reduced = np.empty((count + 1, n, n)), np.empty_like(F), np.empty_like(F)
     S[0] = root
     if n <= SMALL:
-        march_small(np.ascontiguousarray(F), np.ascontiguousarray(gamma), np.ascontiguousarray(driven), S, E, reduced)
+        given, space = map(np.ascontiguousarray, (F, gamma, driven)), np.empty((3, 2 * n, n))
+        march_small(*given, S, E, reduced, *space, np.empty(n))
         return S, E, closed_loop(reduced, F, np.swapaxes(gamma, -1, -2) @ gamma)
     tall, stacked = np.zeros((2 * n, n), order="F"), np.empty((2 * n, n), order="F")
     identity, lower = np.eye(n), np.tri(n)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-_OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
+from occontrol.numerics.loops import ENTRY
+
+_OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", **ENTRY}
 
 
 @njit(**_OPTIONS)
@@ -15,10 +17,12 @@ def _triangle(A, tau):
     for j in range(n):
         size = 0.0
         for i in range(j, m):
-            size = max(size, abs(A[i, j]))
+            x = abs(A[i, j])
+            size = x if x > size else size
         below = 0.0
         for i in range(j + 1, m):
-            below = max(below, abs(A[i, j]))
+            x = abs(A[i, j])
+            below = x if x > below else below
         tau[j] = 0.0
         if below == 0.0:
             continue
@@ -41,13 +45,13 @@ def _triangle(A, tau):
                 A[i, c] -= s * A[i, j]
 
 
-@njit(**_OPTIONS)
+@njit(**_OPTIONS, inline="always")
 def _orthogonal(A, tau, Q):
     """Q (m, n) <- the first n columns of the product of the reflections that `_triangle` left in A (m, n)."""
     m, n = A.shape
-    Q[:] = 0.0
-    for j in range(n):
-        Q[j, j] = 1.0
+    for i in range(m):
+        for j in range(n):
+            Q[i, j] = 1.0 if i == j else 0.0
     for j in range(n - 1, -1, -1):
         for c in range(j, n):
             s = Q[j, c]
@@ -60,13 +64,13 @@ def _orthogonal(A, tau, Q):
 
 
 @njit(**_OPTIONS)
-def march_small(F, gamma, driven, S, E, reduced):
+def march_small(F, gamma, driven, S, E, reduced, tall, stacked, Q, tau):
     """S (k+1, n, n), from S[0] on, E and reduced (k, n, n) of the steps F, gamma, driven (k, n, n), see `march`.
 
     tall = [I; Gamma S] = Q_1 U,  reduced = U^-T S',  [reduced F'; driven] = Q_2 S+',  E = U^-1 Q_2[:n]
+    tall, stacked, Q (2 n, n) and tau (n,) are work space.
     """
     count, n = F.shape[0], F.shape[1]
-    tall, stacked, Q, tau = np.empty((2 * n, n)), np.empty((2 * n, n)), np.empty((2 * n, n)), np.empty(n)
     for k in range(count):
         for i in range(n):
             for j in range(n):

@@ -22,7 +22,7 @@ import numpy as np
 from occontrol.numerics.linalg import square_root
 from occontrol.scheduling.feasible_set import Bounding
 from occontrol.scheduling.recursion import Recursion
-from occontrol.scheduling.square_root_kernels import backward, charge, forward, predict
+from occontrol.scheduling.square_root_kernels import backward, forward
 
 REPEATS = 3
 FACTOR = 10.0
@@ -144,17 +144,15 @@ def square_root_pass(roots: Roots, weights: np.ndarray) -> Pass:
     roots : Roots
     weights : (N, M)
     """
-    r, n, N = roots.recursion, roots.recursion.states, len(roots.recursion.steps)
+    r, N = roots.recursion, len(roots.recursion.steps)
     weights = np.ascontiguousarray(r.on_steps(weights), dtype=float)
     march = _March(roots, weights)
     X, starts, total = np.ascontiguousarray(roots.initial).copy(), [], float(np.vdot(r.cost, weights))
     for k0 in range(0, N, march.length):
         starts.append(X.copy())
         total += march.ahead(k0, X, roots.running)
-    last, tall = np.empty((n, n)), [np.empty((n, 2 * n)) for _ in range(3)]
-    work = (np.empty(n), np.empty(2 * n, dtype=np.int64), np.empty(n, dtype=np.int64))
-    predict(X, roots.transition[r.predict[N]], roots.noise[r.predict[N]], *tall, *work, last)
-    total += charge(roots.terminal, X)
+    last = march.past_the_end(X)
+    total += float(np.sum((roots.terminal @ X) ** 2))
     g, gain = np.ascontiguousarray(last @ (X.T @ roots.terminal.T)), np.zeros((N, r.sensors))
     for s in reversed(range(len(starts))):
         if len(starts) > 1:
@@ -184,17 +182,30 @@ class _March:
         charged = len(roots.running) + len(roots.negative) > 0
         after, before, Z = (np.empty((k, n, n)) for k in (length, length if charged else 0, length))
         self.kept = (after, before, Z, np.empty((length, most, n + 3)))
+        self.tall = tuple(np.empty((n, 2 * n)) for _ in range(3))
+        self.lists = (np.empty(n), np.empty(2 * n, dtype=np.int64), np.empty(n, dtype=np.int64))
 
     def ahead(self, k0: int, X: np.ndarray, V: np.ndarray) -> float:
         """Forward from k0 in place on X; the running charge of V' V."""
         r, k1 = self.roots.recursion, min(k0 + self.length, self.end)
         front = (k0, k1, X, self.roots.transition, self.roots.noise, r.predict)
-        return float(forward(*front, *self.of_rows, V, r.running_set, r.charges, *self.kept))
+        space = (*self.tall, *self.lists)
+        return float(forward(*front, *self.of_rows, V, r.running_set, r.charges, *self.kept, *space))
+
+    def past_the_end(self, X: np.ndarray) -> np.ndarray:
+        """The predict after the last interval, in place on X; Z_1 (n, n) of it."""
+        r, (rows, sets, offsets, steps, weights) = self.roots.recursion, self.of_rows
+        front = (self.end, self.end + 1, X, self.roots.transition, self.roots.noise, r.predict)
+        none = (offsets[:1], steps, weights, self.roots.running[:0], r.running_set, r.charges)  # no rows, no charges
+        after, last = np.empty((2, 1, *X.shape))
+        forward(*front, rows, sets, *none, after, self.kept[1], last, self.kept[3], *self.tall, *self.lists)
+        return last[0]
 
     def back(self, k0: int, g: np.ndarray, gain: np.ndarray) -> None:
         """Back to k0 in place on g, after `ahead`."""
         k1, V, r = min(k0 + self.length, self.end), self.roots.running, self.roots.recursion
-        backward(k0, k1, g, *self.of_rows, V, r.running_set, r.charges, *self.kept, gain)
+        space = (*self.tall[:2], np.empty(len(g)), *self.lists, np.empty_like(g))
+        backward(k0, k1, g, *self.of_rows, V, r.running_set, r.charges, *self.kept, gain, *space)
 
 
 @dataclass(frozen=True, eq=False)

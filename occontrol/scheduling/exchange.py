@@ -17,12 +17,13 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
+from occontrol.numerics.loops import multiply
 from occontrol.scheduling.feasible_set import FeasibleSet
 from occontrol.scheduling.sweep import Sweep
 from occontrol.scheduling.vectors import OPTIONS, START, copy
 
 
-@njit(**OPTIONS)
+@njit(**OPTIONS, inline="always")
 def _solve_quadratic(A, B, size, p):
     """tr(B' A^-1 B) by Gaussian elimination with pivoting; A (size, size) and B (size, p) are destroyed."""
     for i in range(size):
@@ -54,28 +55,25 @@ def _solve_quadratic(A, B, size, p):
 
 @njit(**OPTIONS)
 def _best_exchanges(
-    F, predict, rows, row_set, offsets, steps, leaves, enters, v, cost, store, G, gain, leaving, entering
+    F, predict, rows, row_set, offsets, steps, leaves, enters, v, cost, store, G, gain, leaving, entering,
+    adjoint, T, S, plus, A, B, Y, u,
 ):
     N, M = v.shape
     n, p = store.shape[1], G.shape[2]
-    rows_max = 0
-    for j in range(M):
-        rows_max = max(rows_max, offsets[j + 1] - offsets[j])
-    adjoint, T, S, plus = np.zeros((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
-    A, B = np.empty((2 * rows_max, 2 * rows_max)), np.empty((2 * rows_max, p))
-    R = offsets[M]
-    Y = np.empty((R, n))
+    for i in range(n):
+        for m in range(n):
+            adjoint[i, m] = 0.0
     for k in range(N - 1, -1, -1):
         c, h = rows[row_set[k]], steps[k]
         for i in range(n):
             for m in range(n):
                 plus[i, m] = store[k, i, m]
-        np.dot(plus, adjoint, T)
-        np.dot(T, plus, S)
+        multiply(plus, adjoint, T)
+        multiply(T, plus, S)
         for i in range(n):
             for m in range(n):
                 S[i, m] = plus[i, m] - S[i, m]
-        np.dot(c, S, Y)
+        multiply(c, S, Y)
         gain[k], leaving[k], entering[k] = 0.0, -1, -1
         for j in range(M):
             if not leaves[k, j]:
@@ -126,14 +124,11 @@ def _best_exchanges(
             if w > 0.0:
                 for r in range(offsets[j], offsets[j + 1]):
                     for m in range(n):
-                        s = 0.0
-                        for i in range(n):
-                            s += Y[r, i] * T[i, m]
-                        for i in range(n):
-                            adjoint[i, m] -= w * c[r, i] * s
+                        u[m] = c[r, m]
                     for i in range(n):
+                        s = Y[r, i]
                         for m in range(n):
-                            adjoint[i, m] += w * c[r, i] * c[r, m]
+                            u[m] -= s * T[i, m]
                     for e in range(M):
                         x = h * v[k, e]
                         if x > 0.0:
@@ -141,12 +136,20 @@ def _best_exchanges(
                                 s = 0.0
                                 for i in range(n):
                                     s += Y[r, i] * c[q, i]
-                                for i in range(n):
-                                    for m in range(n):
-                                        adjoint[i, m] -= w * x * s * c[r, i] * c[q, m]
+                                for m in range(n):
+                                    u[m] -= x * s * c[q, m]
+                    for i in range(n):
+                        for m in range(n):
+                            adjoint[i, m] += w * c[r, i] * u[m]
         f = F[predict[k]]
-        np.dot(adjoint, f, T)
-        np.dot(f.T, T, adjoint)
+        multiply(adjoint, f, T)
+        for i in range(n):
+            for m in range(n):
+                adjoint[i, m] = 0.0
+            for a in range(n):
+                x = f[a, i]
+                for m in range(n):
+                    adjoint[i, m] += x * T[a, m]
 
 
 def _surely_good_exchanges(
@@ -206,8 +209,11 @@ def best_exchanges(
         return _surely_good_exchanges(sweep, weights, leaves, enters)
     r, N = sweep.recursion, sweep.recursion.intervals
     found = np.zeros(N), np.full(N, -1), np.full(N, -1)
+    n, p, pair = r.states, sweep.kept[1].shape[2], 2 * int(np.max(np.diff(r.offsets)))
+    space = (*np.empty((4, n, n)), np.empty((pair, pair)), np.empty((pair, p)))
+    space += (np.empty((r.offsets[-1], n)), np.empty(n))
     _best_exchanges(
         r.transition, r.predict, r.rows, r.row_set, r.offsets, r.steps, leaves, enters, weights, r.cost,
-        *sweep.kept, *found,
+        *sweep.kept, *found, *space,
     )  # fmt: skip
     return found

@@ -46,7 +46,7 @@ def trace_product(a, b, n):
     return total
 
 
-@njit(**OPTIONS)
+@njit(**OPTIONS, inline="always")
 def _update_row(X, at, c, row, w, b, n, width):
     """One scalar measurement with row c[row:] and information w, in place on the matrix at X[at:]; b is work space."""
     dot = zero()
@@ -80,7 +80,7 @@ def _update_row(X, at, c, row, w, b, n, width):
     _symmetrise(X, at, n, width)
 
 
-@njit(**OPTIONS)
+@njit(**OPTIONS, inline="always")
 def _symmetrise(X, at, n, width):
     """The matrix at X[at:] <- the mean of it and its transpose."""
     for i in range(n):

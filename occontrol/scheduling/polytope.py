@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from occontrol.numerics.loops import copy_vector
+from occontrol.numerics.loops import ENTRY, copy_vector
 
-_OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
+_OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", **ENTRY}
 BISECTIONS = 100
 
 
@@ -28,7 +28,7 @@ def fill(g, upper, select, w):
                 best = j
         if best < 0:
             return
-        w[best] = min(upper[best], left)
+        w[best] = upper[best] if upper[best] < left else left
         left -= w[best]
 
 
@@ -39,8 +39,7 @@ def _vertex(g, upper, select, w):
 
 
 @njit(**_OPTIONS)
-def _excess(v, g, upper, select, found):
-    w = np.empty(g.shape[1])
+def _excess(v, g, upper, select, found, w):
     for k in range(len(g)):
         fill(g[k], upper[k], select, w)
         total = 0.0
@@ -74,12 +73,12 @@ def excess(weights: np.ndarray, gradient: np.ndarray, upper: np.ndarray, select:
     weights, gradient, upper : (N, M)
     select : sum of the weights
     """
-    found = np.empty(len(weights))
-    _excess(np.ascontiguousarray(weights), np.ascontiguousarray(gradient), upper, select, found)
+    found, least = np.empty(len(weights)), np.empty(upper.shape[1])
+    _excess(np.ascontiguousarray(weights), np.ascontiguousarray(gradient), upper, select, found, least)
     return found
 
 
-@njit(**_OPTIONS)
+@njit(**_OPTIONS, inline="always")
 def project_row(y, upper, select, w):
     """w (M,) <- clip(y - lam, 0, upper) with the sum `select`."""
     M = len(y)
@@ -87,8 +86,9 @@ def project_row(y, upper, select, w):
     low, high = np.inf, -np.inf
     for j in range(M):
         if upper[j] > 0.0:
-            low = min(low, y[j] - upper[j])
-            high = max(high, y[j])
+            x = y[j] - upper[j]
+            low = x if x < low else low
+            high = y[j] if y[j] > high else high
     lam = 0.5 * (low + high)
     for _ in range(BISECTIONS):
         total, slope = 0.0, 0
@@ -111,7 +111,8 @@ def project_row(y, upper, select, w):
         trial = lam + rest / slope if slope > 0 else 0.5 * (low + high)
         lam = trial if low < trial < high else 0.5 * (low + high)
     for j in range(M):
-        w[j] = min(max(y[j] - lam, 0.0), upper[j])
+        x = y[j] - lam if y[j] > lam else 0.0
+        w[j] = x if x < upper[j] else upper[j]
 
 
 @njit(**_OPTIONS)
@@ -155,17 +156,33 @@ def uniform(upper: np.ndarray, select: int) -> np.ndarray:
     return v
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz", "reassoc"}, error_model="numpy")
-def mixture(a, g, last, upper, select, rounds, wanted):
+def mixture(
+    constants: np.ndarray, gradients: np.ndarray, last: int, upper: np.ndarray, select: int, rounds: int, wanted: float
+) -> float:
     """The best bound of the cuts by entropic ascent on their shares, from cut `last`, up to `wanted`.
 
-    a (K,), g (K, N, M), upper (N, M); the same as FeasibleSet.mixture, without a pass of its own for every step
+    The same as FeasibleSet.mixture, without a pass of its own for every step.
+
+    Parameters
+    ----------
+    constants : (K,) of the cuts
+    gradients : (K, N, M)
+    last : cut that the ascent begins at
+    upper : (N, M)
+    select : sum of the weights
+    rounds : steps at most
+    wanted : value at which to stop
     """
+    shares = np.zeros(len(constants))
+    shares[last] = 1.0
+    space = (shares, np.empty(len(constants)), *np.empty((2, upper.shape[1])))
+    return _mixture(constants, gradients, upper, select, rounds, wanted, *space)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz", "reassoc"}, error_model="numpy", **ENTRY)
+def _mixture(a, g, upper, select, rounds, wanted, shares, values, mixed, w):
     N, M = upper.shape
     count = len(a)
-    shares, values = np.zeros(count), np.empty(count)
-    shares[last] = 1.0
-    mixed, w = np.empty(M), np.empty(M)
     best = -np.inf
     for turn in range(rounds):
         copy_vector(a, values)
@@ -190,8 +207,10 @@ def mixture(a, g, last, upper, select, rounds, wanted):
             if shares[i] > 1e-9:
                 total += shares[i] * values[i]
                 kept += shares[i]
-            low, high = min(low, values[i]), max(high, values[i])
-        best = max(best, total / kept)
+            low = values[i] if values[i] < low else low
+            high = values[i] if values[i] > high else high
+        total /= kept
+        best = total if total > best else best
         if not high > low or best >= wanted:
             break
         total = 0.0

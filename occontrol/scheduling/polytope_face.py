@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-_OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reassoc"}, "error_model": "numpy"}
+from occontrol.numerics.loops import ENTRY
+
+_OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reassoc"}, "error_model": "numpy", **ENTRY}
 
 
-@njit(**_OPTIONS)
+@njit(**_OPTIONS, inline="always")
 def face_row(v, g, upper, near, free, move):
     """The free weights of one interval: between their bounds, or at one that the reduced gradient pushes away from.
 
@@ -22,13 +24,13 @@ def face_row(v, g, upper, near, free, move):
     used, unused = -np.inf, np.inf
     for j in range(M):
         if upper[j] > 0.0:
-            x = min(v[j], upper[j] - v[j])
+            x = v[j] if v[j] < upper[j] - v[j] else upper[j] - v[j]
             if x > room:
                 anchor, room = j, x
             if v[j] > near:
-                used = max(used, g[j])
+                used = g[j] if g[j] > used else used
             else:
-                unused = min(unused, g[j])
+                unused = g[j] if g[j] < unused else unused
     number, excess = 0, 0.0
     for j in range(M):
         inside = upper[j] > 0.0

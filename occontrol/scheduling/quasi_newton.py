@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
+from occontrol.numerics.loops import ENTRY
+
 if TYPE_CHECKING:
     from occontrol.scheduling.feasible_set import FeasibleSet
 
-_OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reassoc"}, "error_model": "numpy"}
+_OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz", "reassoc"}, "error_model": "numpy", **ENTRY}
 CURVATURE = 1e-10
 NEAR = 1e-6  # larger: what goes all the way disturbs the rest, and steps fail near a gap of 1e-6
 

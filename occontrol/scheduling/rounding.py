@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
+from occontrol.numerics.loops import ENTRY
+
 if TYPE_CHECKING:
     from occontrol.scheduling.feasible_set import FeasibleSet
 
 
-@njit(cache=True)
-def _sum_up(weights, steps, upper, select, result):
+@njit(cache=True, error_model="numpy", **ENTRY)
+def _sum_up(weights, steps, upper, select, result, deficit, room):
     N, M = weights.shape
-    deficit = np.zeros(M)
-    room = np.empty(M)
     for k in range(N):
         h = steps[k]
         for j in range(M):
@@ -53,8 +53,8 @@ def sum_up(
     Returns (N, M) integral.
     """
     turn = slice(None, None, -1 if backward else 1)
-    result = np.zeros_like(weights)
-    _sum_up(*(np.ascontiguousarray(x[turn]) for x in (weights, lengths, upper)), select, result)
+    result, space = np.zeros_like(weights), np.zeros((2, weights.shape[1]))
+    _sum_up(*(np.ascontiguousarray(x[turn]) for x in (weights, lengths, upper)), select, result, *space)
     return np.ascontiguousarray(result[turn])
 
 

@@ -16,21 +16,27 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from occontrol.numerics.loops import copy_matrix
+from occontrol.numerics.loops import ENTRY, copy_matrix
 
-OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
+OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy", **ENTRY}
+# a part that is called at one place is compiled there: by itself it would be compiled, and then again with its caller
+PART = {**OPTIONS, "inline": "always"}
 
 
-@njit(**OPTIONS)
-def _ordered(M, rows, n, order):
-    """order[:rows] <- the first `rows` columns of M (n, rows) by falling largest entry (insertion sort)."""
-    size = np.zeros(rows)
+@njit(**PART)
+def _ordered(M, work, order):
+    """order (rows,) <- the columns of M (n, rows) by falling largest entry (insertion sort); work (n, rows)."""
+    n, rows = M.shape
+    for r in range(rows):
+        work[0, r] = 0.0
     for i in range(n):
         for r in range(rows):
-            size[r] = max(size[r], abs(M[i, r]))
+            size = abs(M[i, r])
+            if size > work[0, r]:
+                work[0, r] = size
     for r in range(rows):
         s = r
-        while s > 0 and size[order[s - 1]] < size[r]:
+        while s > 0 and work[0, order[s - 1]] < work[0, r]:
             order[s] = order[s - 1]
             s -= 1
         order[s] = r
@@ -43,7 +49,7 @@ def triangle(M, work, tau, order, pivot, X):
     order (rows,), pivot (n,) and tau (n,): the order of columns, of rows, and the factors of the reflections.
     """
     n, rows = M.shape
-    _ordered(M, rows, n, order)
+    _ordered(M, work, order)
     for i in range(n):
         pivot[i] = i
         for r in range(rows):
@@ -83,7 +89,7 @@ def triangle(M, work, tau, order, pivot, X):
             X[pivot[j], i] = 0.0
 
 
-@njit(**OPTIONS)
+@njit(**PART)
 def _orthonormal(work, tau, order, E, Z):
     """Z (n, n) <- the rows of the orthonormal factor that belong to the first n columns of M; E (n, rows) is work."""
     n, rows = work.shape
@@ -106,7 +112,7 @@ def _orthonormal(work, tau, order, E, Z):
                 Z[order[r], i] = E[i, r]
 
 
-@njit(**OPTIONS)
+@njit(**PART)
 def predict(X, F, root, M, work, E, tau, order, pivot, Z):
     """X <- the root after the predict F, root (n, n), in place; Z_1 into Z."""
     n = X.shape[0]
@@ -123,7 +129,7 @@ def predict(X, F, root, M, work, E, tau, order, pivot, Z):
     _orthonormal(work, tau, order, E, Z)
 
 
-@njit(**OPTIONS)
+@njit(**PART)
 def update(X, c, w, record):
     """X <- the root after one row c (n,) with information w; record (n+3,) <- u, tau, p, D_pp of the reflection."""
     n = X.shape[0]
@@ -156,7 +162,7 @@ def update(X, c, w, record):
     record[p], record[n], record[n + 2] = head, tau, short
 
 
-@njit(**OPTIONS)
+@njit(**PART)
 def charge(V, X):
     """|V X|^2 for V (p, n)."""
     n, total = X.shape[0], 0.0
@@ -171,15 +177,14 @@ def charge(V, X):
 
 @njit(**OPTIONS)
 def forward(
-    k0, k1, X, F, root, index, rows, row_set, offsets, steps, v, V, running_set, charges, after, before, Z, records
+    k0, k1, X, F, root, index, rows, row_set, offsets, steps, v, V, running_set, charges, after, before, Z, records,
+    M, work, E, tau, order, pivot,
 ):
     """Intervals k0..k1-1 in place on X; returns the running charge, sum of a |V X-|^2 + b |V X+|^2 with a, b = charges.
 
     after, before, Z (K, n, n) and records (K, r, n+3), K >= k1 - k0, receive X+, X-, Z_1 and the reflections.
+    M, work, E (n, 2 n), tau (n,), order (2 n,) and pivot (n,) are work space.
     """
-    n = X.shape[0]
-    M, work, E = np.empty((n, 2 * n)), np.empty((n, 2 * n)), np.empty((n, 2 * n))
-    tau, order, pivot = np.empty(n), np.empty(2 * n, np.int64), np.empty(n, np.int64)
     running, total = V.shape[0] > 0, 0.0
     for k in range(k0, k1):
         u, here = index[k], k - k0
@@ -216,13 +221,14 @@ def _charged(g, X, V, factor, M, work, tau, order, pivot):
 
 @njit(**OPTIONS)
 def backward(
-    k0, k1, g, rows, row_set, offsets, steps, v, V, running_set, charges, after, before, Z, records, gain
+    k0, k1, g, rows, row_set, offsets, steps, v, V, running_set, charges, after, before, Z, records, gain,
+    M, work, x, tau, order, pivot, t,
 ):
-    """gain (N, M) <- h tr(L_j S+ P+ S+) for the intervals k1-1..k0; g (n, p) is changed in place (p = n with V)."""
+    """gain (N, M) <- h tr(L_j S+ P+ S+) for the intervals k1-1..k0; g (n, p) is changed in place (p = n with V).
+
+    M, work (n, 2 n), x (n,), tau (n,), order (2 n,), pivot (n,) and t (n, p) are work space.
+    """
     n, p = g.shape
-    M, work = np.empty((n, 2 * n)), np.empty((n, 2 * n))
-    tau, order, pivot = np.empty(n), np.empty(2 * n, np.int64), np.empty(n, np.int64)
-    x, t = np.empty(n), np.empty((n, p))
     running = V.shape[0] > 0
     for k in range(k1 - 1, k0 - 1, -1):
         here, h = k - k0, steps[k]
@@ -248,7 +254,7 @@ def backward(
             if h * v[k, j] > 0.0:
                 for r in range(offsets[j + 1] - 1, offsets[j] - 1, -1):
                     record = records[here, r]
-                    factor, pole = record[n], int(record[n + 1])
+                    factor, pole = record[n], np.int64(record[n + 1])
                     if factor != 0.0:
                         for a in range(p):
                             g[pole, a] *= record[n + 2]

@@ -13,9 +13,11 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic, models, register_model
 
+from occontrol.numerics.loops import ENTRY
+
 WIDTH = 8
 FAST = {"contract", "nsz", "nnan", "reassoc"}
-OPTIONS = {"cache": True, "nogil": True, "fastmath": FAST, "error_model": "numpy"}
+OPTIONS = {"cache": True, "nogil": True, "fastmath": FAST, "error_model": "numpy", **ENTRY}
 # Arguments of `product` and `copy`: written as 0, True and False they would be literals, and each compiled by itself
 START, WHOLE, LOWER = np.int64(0), np.bool_(False), np.bool_(True)
 _FLAGS = ("contract", "nsz", "nnan")
@@ -208,7 +210,7 @@ def product(A, a, lda, B, b, ldb, C, c, ldc, D, d, rows, inner, columns, lower):
     while i + 4 <= rows:
         p = a + i * lda
         q = c + i * ldc
-        stop = min(columns, i + 4) if lower else columns
+        stop = i + 4 if lower and i + 4 < columns else columns
         for j in range(0, stop, WIDTH):
             if added:
                 e = d + i * ldc + j
@@ -230,7 +232,7 @@ def product(A, a, lda, B, b, ldb, C, c, ldc, D, d, rows, inner, columns, lower):
     while i < rows:
         p = a + i * lda
         two = i + 1 < rows
-        stop = min(columns, i + 2) if lower else columns
+        stop = i + 2 if lower and i + 2 < columns else columns
         for j in range(0, stop, WIDTH):
             x0, x1 = zero(), zero()
             if added:
@@ -276,7 +278,7 @@ def mirror(X, at, n, width):
             to, rows = at + j * width + i, WIDTH
             if i == j:
                 block = symmetric(block)
-                rows = min(left, WIDTH)
+                rows = left if left < WIDTH else WIDTH
             else:
                 block = transpose(block)
             store(X, to, block[0])
