@@ -65,7 +65,7 @@ def test_words_and_place(tmp_path, old, new, lines):
     [
         ("+".join(["t"] * 50_000), "has 99999 characters, the limit is 10000"),
         ("max(" + ",".join(["t"] * 3_000) + ")", "has more than 5000 terms"),
-        ("+".join(["t"] * 4_999), "has too many terms in a row"),
+        ("+".join(["t"] * 4_999), "terms in a row"),  # too many for Python's parser before 3.13
         ("+".join(["t"] * 500), "has more than 400 terms in a row"),
         ("(" * 500 + "t" + ")" * 500, "nests 500 parentheses, the limit is 100"),
         ("-" * 9000 + "t", "or is nested too deeply"),
@@ -225,7 +225,8 @@ def test_json_has_places_too(tmp_path):
         "1:1: the problem has no 'sensors'",
         "2:41: the key 'intervals' stands twice",
     ]
-    assert refused(written(tmp_path, '{"family": "athans",}', "x.json"))[0].startswith("1:21: this is not JSON: ")
+    line = refused(written(tmp_path, '{"family": "athans",}', "x.json"))[0]  # from 3.13 on the place is the comma's
+    assert line.startswith(("1:21: this is not JSON: ", "1:20: this is not JSON: "))
     assert refused(written(tmp_path, "[" * 100_000, "x.json"))[0] == "1:1: nested deeper than 40 levels"
     assert refused(written(tmp_path, '{"a":' * 45 + "1" + "}" * 45, "x.json"))[0] == "1:1: nested deeper than 40 levels"
 
