@@ -25,6 +25,7 @@ HOLDS_FOR = {
     "grid": "with changes at these edges",
     "problem": "for every schedule",
 }
+MOST_LINES = 17  # beside the panels, above the picture of convergence
 MOST_ON_SLIDE = 4.0  # heights of all panels, in the least that one has, before the overview grows
 WIDEST_LINEAR = 20.0  # the largest switching function may be this many times the median before the axis is compressed
 
@@ -95,7 +96,10 @@ def overview(problem: AthansProblem, solution: Solution, panels: Sequence[Panel]
     text.axis("off")
     text.text(0, 1, "certificate", fontweight="bold", fontsize=12, va="top")
     lines = [*_certificate_lines(solution), *further]
-    text.text(0, 0.94, "\n".join(lines), va="top", fontsize=11, linespacing=1.5)
+    if len(lines) > MOST_LINES:
+        lines = [*lines[: MOST_LINES - 1], f"and {len(lines) - MOST_LINES + 1} more"]
+    small = len(lines) > 12  # the picture of convergence begins below
+    text.text(0, 0.94, "\n".join(lines), va="top", fontsize=9 if small else 11, linespacing=1.3 if small else 1.5)
     corner = figure.add_subplot(grid[2, 1])
     if convergence_panel(corner, solution.history, _target(problem), problem.logarithmic):
         corner.set_title("convergence")

@@ -52,7 +52,8 @@ def convergence_panel(
         axes.plot(steps[here], shown, color=colour, marker=marker, markersize=4, label=stage or None)
     if target:
         axes.axhline(target, color=style.GREY, linestyle="--", linewidth=1)
-        axes.annotate(" target", (steps[0], target), va="bottom", fontsize=9, color="#666666")
+        over = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}  # curves may pass behind the word
+        axes.annotate("target", (steps[0], target), va="bottom", fontsize=9, color="#666666", bbox=over)
     few_decades = np.nanmax(gap) < 100 * np.nanmin(gap)
     written = FuncFormatter(_plain if absolute else _percent)
     axes.yaxis.set_major_formatter(written)
