@@ -47,6 +47,11 @@ class Design:
 
     def covariance(self, weights: np.ndarray) -> np.ndarray | None:
         """F^-1 (n, n) of a policy, `weights` (N, M); None where F is singular."""
+        root = self.root(weights)
+        return None if root is None else root.T @ root
+
+    def root(self, weights: np.ndarray) -> np.ndarray | None:
+        """X (n, n) with X'X = F^-1 of a policy, `weights` (N, M); None where F is singular."""
         F = self.prior + np.tensordot(weights.ravel(), self.information, 1)
         scale = np.sqrt(np.diagonal(F))
         if not np.all(scale > 0):
@@ -57,8 +62,7 @@ class Design:
             return None
         if np.min(np.diagonal(factor)) ** 2 <= 4 * len(F) * np.finfo(float).eps:
             return None
-        root = np.linalg.inv(factor) / scale
-        return root.T @ root
+        return np.linalg.inv(factor) / scale
 
     def cost(self, weights: np.ndarray) -> float:
         """J of a policy, `weights` (N, M); inf where a direction is not seen."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from occontrol.core.solution import ALLOWANCE, Certificate
 from occontrol.scheduling.certified import Certified
+from occontrol.scheduling.criteria import LogDeterminant
 from occontrol.scheduling.criterion import Criterion
 from occontrol.scheduling.design import Design
 from occontrol.scheduling.feasible_set import Bounding, FeasibleSet
@@ -105,6 +106,20 @@ class InformationObjective:
             return np.inf
         self._value, self._error = self.criterion.value(S), self.criterion.smoothing_error(S)
         return float(np.vdot(self.prices, weights)) + self._value
+
+    def rough_cost(self, weights: np.ndarray) -> float:
+        """J of a policy, `weights` (N, M), also where the errors of the outputs are dependent but for rounding.
+
+        ln det D F^-1 D' = 2 sum ln |diag R| with Q R = X D', X'X = F^-1, has twice the digits.
+        """
+        try:
+            return self.cost(weights)
+        except ValueError:
+            root = self.design.root(weights)
+            if root is None or not isinstance(self.criterion, LogDeterminant):
+                raise
+            R = np.linalg.qr(root @ self.criterion.output.T, mode="r")
+            return float(np.vdot(self.prices, weights)) + 2 * float(np.sum(np.log(np.abs(np.diagonal(R)))))
 
     def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
         """J and dJ/dv (N, M) of a policy, `weights` (N, M); inf and zeros where a direction is not seen."""

@@ -11,17 +11,20 @@ infinite where a direction is not seen; a prior that tells next to nothing makes
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 
 import numpy as np
 
-from occontrol.scheduling.criterion_sweep import CriterionSweep, Lowered
+from occontrol.scheduling.criterion_sweep import CriterionSweep, Lowered, SmoothableObjective
 from occontrol.scheduling.information import InformationObjective
 from occontrol.scheduling.peak import PeakSweep
 from occontrol.scheduling.proof import Judged
 from occontrol.scheduling.recursion import Recursion
 
 KEEPS = 1e-9  # of a limit, by which rounding may exceed it
+STRONGER = (1e3, 1e6, 1e9, 1e12)  # times the vague prior
 FINER = (1.0, 0.1, 0.0)  # times mu: where tangents are tried in the end
 
 
@@ -53,6 +56,10 @@ class CriterionModel(Lowered[Measured]):
             whole = true.with_prior(vague)
         super().__init__(true, whole, lost)
         self.lost, self.limit, self.penalty, self.vague, self._whole = lost, limit, penalty, vague, whole
+        self._stronger: list[InformationObjective] = []
+        if vague is not None and isinstance(true, InformationObjective):
+            more = (true.with_prior(factor * vague) for factor in STRONGER)
+            self._stronger = [each.with_smoothing(self.smoothing) for each in more]
 
     @property
     def recursion(self) -> Recursion:
@@ -66,11 +73,36 @@ class CriterionModel(Lowered[Measured]):
 
     def cost(self, weights: np.ndarray) -> float:
         """The model at a policy, `weights` (N, C)."""
-        return self._lower.cost(weights) - self._shift
+        return self._finite(lambda model: model.cost(weights)) - self._shift
+
+    def cost_and_gradient(self, weights: np.ndarray) -> tuple[float, np.ndarray]:
+        """The model, or where rounding makes it infinite one below it, and its gradient (N, C) at `weights` (N, C)."""
+        found: list[np.ndarray] = []
+
+        def cost(model: SmoothableObjective) -> float:
+            J, g = model.cost_and_gradient(weights)
+            found.append(g)
+            return J
+
+        return self._finite(cost) - self._shift, found[-1]
+
+    def _finite(self, cost: Callable[[SmoothableObjective], float]) -> float:
+        """A cost by the model; by one with a stronger prior, which lies below it, where a direction is all but unseen.
+
+        An infinite cost would be taken for a bound, which the model's own rounding proves for no schedule.
+        """
+        if not self._stronger:
+            return cost(self._lower)
+        for model in (self._lower, *self._stronger):
+            with suppress(ValueError):  # outputs whose errors rounding makes dependent
+                J = cost(model)
+                if np.isfinite(J):
+                    return J
+        raise ValueError("no prior makes the cost of this policy finite: the data span too many orders of magnitude")
 
     def true_cost(self, weights: np.ndarray) -> float:
         """J of a schedule, `weights` (N, C); inf where it exceeds the limit."""
-        J = self.true.cost(weights)
+        J = self.true.rough_cost(weights) if isinstance(self.true, InformationObjective) else self.true.cost(weights)
         if self.limit is None:
             return J
         return J - self.true.criterion_value if self.true.criterion_value <= self.limit * (1 + KEEPS) else np.inf
@@ -100,5 +132,7 @@ class CriterionModel(Lowered[Measured]):
         for whole in (*own, self._whole):
             smooth = whole.corners and self.smoothing > 0
             stages = [whole.with_smoothing(f * self.smoothing) for f in FINER] if smooth else [whole]
-            found += [stage.tangent(policy) for stage in stages]
-        return [at for at in found if np.isfinite(at.cost)]
+            for stage in stages:
+                with suppress(ValueError) if self._stronger else nullcontext():
+                    found.append(stage.tangent(policy))
+        return [at for at in found if np.isfinite(at.cost)] or [m.tangent(policy) for m in self._stronger[-1:]]

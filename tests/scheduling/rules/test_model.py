@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from occontrol.families.athans.discretise import discretise
 from occontrol.scheduling.criteria import LargestEigenvalue, LogDeterminant
 from occontrol.scheduling.criterion_sweep import CriterionSweep
+from occontrol.scheduling.information import InformationObjective
 from occontrol.scheduling.peak import PeakSweep, Watched
 from occontrol.scheduling.rules.model import CriterionModel
+from occontrol.scheduling.seen import Seen
 from tests.families.athans.random_problems import random_problem
 
 
@@ -69,3 +73,21 @@ def test_other_prices_change_the_linear_part_alone() -> None:
         prices = model.recursion.cost + 1.0
         more = model.with_prices(prices).cost(v) - model.cost(v)
         assert more == pytest.approx(float(np.sum(v)), rel=1e-9)
+
+
+def test_what_is_all_but_unseen_has_a_finite_cost_below_the_true_one() -> None:
+    """Without a prior an infinite cost must not become a bound, nor outputs that rounding makes dependent an error."""
+    rows = np.zeros((4, 2, 1, 2))
+    rows[:, 0, 0, 0], rows[:, 1, 0, 1] = 1.0, [0.5, 1.0, 2.0, 1.0]
+    D = np.array([[1.0, 1.0], [1.0, -1.0]])
+    recursion = discretise(random_problem(0, states=2, intervals=4, rows=1))  # for whoever asks for its decisions
+    true = InformationObjective(Seen(rows, D, np.eye(2)), LogDeterminant(D), np.full((4, 2), 0.01), recursion)
+    model = CriterionModel(true, 0.0, vague=1e-16 * np.eye(2))
+    words = [np.eye(2)[list(w)] for w in itertools.product(range(2), repeat=4)]
+    costs = [model.true_cost(w) for w in words]
+    assert np.sum(np.isfinite(costs)) == 14  # all but those that use one sensor alone
+    for v in words:
+        J, g = model.cost_and_gradient(v)
+        assert np.isfinite(J) and model.cost(v) == J
+        for w, cost in zip(words, costs, strict=True):
+            assert J + np.vdot(g, w - v) <= cost + 1e-9

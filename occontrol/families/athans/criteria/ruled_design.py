@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from occontrol.core.errors import InfeasibleError
+from occontrol.core.errors import InfeasibleError, SolveFailed
 from occontrol.core.kinds import PlainDict
 from occontrol.core.method import Method
 from occontrol.core.monitor import Monitor
@@ -36,7 +36,7 @@ from occontrol.scheduling.rules.proof import Claim, prove_under_rules
 from occontrol.scheduling.rules.task import Task
 from occontrol.scheduling.rules.tree import TreeOptions
 
-VAGUE, LEAST_VAGUE = 1e-8, 1e-15  # of the information of the relaxed policy
+VAGUE, LEAST_VAGUE = 1e-8, 1e-12  # of the information of the relaxed policy
 UNDETERMINED = "no schedule that keeps the rules was found to determine every state that the outputs need"
 LOWERED = 1e-8  # of the criterion: what the vague prior may take from it
 
@@ -142,7 +142,8 @@ def search_design(
     monitor : Monitor
     given : (N, M) what is on in a schedule to be judged, or None
 
-    Raises InfeasibleError where no schedule that keeps the rules sees what the outputs need.
+    Raises InfeasibleError where no schedule that keeps the rules sees what the outputs need, SolveFailed where the
+    errors of the outputs depend on one another but for rounding.
     """
     own = require_method(method, False)
     steps, share = getattr(method, "max_iterations", STEPS_FOR_BOUND), LEAST_SHARE
@@ -164,7 +165,10 @@ def search_design(
 
     work = Work(task, frame, None, allowed, relaxed, monitor, None, policy)
     if given is None:
-        outcome = run(work, method)
+        try:
+            outcome = run(work, method)
+        except ValueError as error:
+            raise SolveFailed(f"{error}\n  hint: an initial covariance, or another criterion") from error
         known = np.inf if outcome.plan is None else task.value(outcome.plan)
     else:
         plan = task.oracle.follow(given)
