@@ -22,6 +22,7 @@ from occontrol.scheduling.rules.task import Task
 
 SHIFTS = (1, 2, 3, 5, 8, 13, 21, 34)
 INSERTED = 12  # places at which a segment is tried
+TOGETHER = 40  # moves that are made at once where they do not touch
 RELATIVE = 1e-12
 Segments = tuple[tuple[int, int], ...]
 
@@ -34,10 +35,12 @@ class Scored:
     ----------
     plan : Plan
     value : F
+    settled : whether no move betters it
     """
 
     plan: Plan
     value: float
+    settled: bool = False
 
 
 class Mover:
@@ -231,16 +234,17 @@ class Mover:
                     break
             if found:
                 value, trial = min(found)
-                base, others = self.on(chosen), [reached[t] for _, t in sorted(found)[1:6]]
+                base, others = self.on(chosen), [reached[t] for _, t in sorted(found)[1:TOGETHER]]
                 on, best, improved = reached[trial], value, True
                 if base is not None:
                     on, best = self._together(base, on, best, others)
         plan = start.plan if best >= start.value else self.task.oracle.follow(on)
         if plan is None or plan is start.plan:
+            start.settled |= not improved
             return start
         # a plain sweep has the last word: what blocks cost has been found by another sequence of roundings
         value = self.task.value(plan)
-        return Scored(plan, value) if value < start.value else start
+        return Scored(plan, value, not improved) if value < start.value else start
 
     def _together(
         self, base: np.ndarray, on: np.ndarray, best: float, others: list[np.ndarray]

@@ -21,6 +21,7 @@ from occontrol.scheduling.rules.hull import Hull, HullOptions, bounds_at, hull, 
 from occontrol.scheduling.rules.master import Multipliers, Tangent
 from occontrol.scheduling.rules.moves import Mover, Scored
 from occontrol.scheduling.rules.plan import Plan
+from occontrol.scheduling.rules.pool import Pool
 from occontrol.scheduling.rules.rows import Rows
 from occontrol.scheduling.rules.task import Task
 
@@ -151,7 +152,7 @@ class Search:
         self.tangents: list[Tangent] = []  # of the first node
         self._scored: set[bytes] = set()
         self._near = 0
-        self._most = _dearest(task)
+        self._most, self.pool = _dearest(task), Pool(self.mover)
         for plan in seeds:
             self.score(plan)
 
@@ -176,10 +177,15 @@ class Search:
             self._near += not found.value < before
             if self.options.moves and improve:
                 found = self.mover.improve(found, self.options.moves, self.monitor)
-            if found.value < before:
-                self.best = found
-                self._scored.add(found.plan.key)
-                self.told(found)
+        if found.value < before:
+            self._better(found)
+        elif improve and self.options.moves and not found.settled:
+            self.pool.offer(found, before)
+
+    def _better(self, found: Scored) -> None:
+        self.best = found
+        self._scored.add(found.plan.key)
+        self.told(found)
 
     def run(
         self, start: np.ndarray, begun: Begun | None = None, elsewhere: Callable[[Search], Elsewhere] | None = None
@@ -221,6 +227,8 @@ class Search:
         found = self._solve(node)
         bound = max(found.lower_bound, node.bound)
         self._count += 8
+        if self.options.moves and (better := self.pool.spend(self.best, self.monitor)) is not None:
+            self._better(better)
         return self._file(heap, found, node.mask, node.chosen, bound)
 
     def _solve(self, node: Node, begun: Begun | None = None) -> Hull:
