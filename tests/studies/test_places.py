@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from occontrol.cli import run
@@ -22,7 +24,7 @@ from occontrol.studies.engines.places import places
 from tests.plain_looks import small
 from tests.target_problems import read
 
-EFFORT = Effort(10, 1e-3, 0, 8)
+EFFORT = Effort(10, 1e-3)
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -36,9 +38,11 @@ def filled(tmp_path_factory: pytest.TempPathFactory):
 
 
 def same(one, other) -> None:
-    assert one.bounds.tobytes() == other.bounds.tobytes() and one.costs.tobytes() == other.costs.tobytes()
-    assert one.labels == other.labels
-    assert [list(a) for a in one.stretches] == [list(b) for b in other.stretches]
+    assert one.bounds.tobytes() == other.bounds.tobytes()
+    kinds = [[one.plans, *zip(*one.lines, strict=True)], [other.plans, *zip(*other.lines, strict=True)]]
+    for these, those in zip(*kinds, strict=True):
+        for x, y in zip(these, those, strict=True):
+            assert x.height == y.height and np.array_equal(x.at, y.at) and np.array_equal(x.share, y.share)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 50])
@@ -48,8 +52,9 @@ def test_parts_hold_every_target_once_and_answer_as_the_whole(filled, count: int
     parts = chunk.parts(count)
     assert [n for part in parts for n in part.numbers] == list(chunk.numbers) and len(parts) <= count
     prices = relaxed_prices(relaxed.gradient, at.allowed)
-    for buckets in (0, 8):
-        same(joined([answer(part, prices, buckets) for part in parts]), answer(chunk, prices, buckets))
+    for every in (None, [(1, 2, 4)] * len(chunk.courses)):
+        whole = replace(chunk, every=every)
+        same(joined([answer(part, prices) for part in whole.parts(count)]), answer(whole, prices))
 
 
 @pytest.mark.parametrize("cluster", [None, "dask"])

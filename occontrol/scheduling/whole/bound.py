@@ -14,6 +14,8 @@ from occontrol.scheduling.whole.courses import Course
 from occontrol.scheduling.whole.prices import Answer, Found, Lines, raise_bound
 
 FACTOR = 1.6  # between two scales of the first prices that are tried
+ROUGH = 4e-3  # the gap with the floor alone
+SPACING = 0.5, 0.75, 1.0, 1.3  # of the visits behind a level, in those of the plan at hand
 
 
 @dataclass(frozen=True)
@@ -25,17 +27,13 @@ class Effort:
     rounds : prices that are tried
     gap : relative, what the lines of all plans still expect to gain
     exact : beginnings of a target up to which its minimum is exact
-    buckets : labels of a visit that stay apart, in the last rounds; 0: none
-    labels : in all, at most so many, or so many a visit, whichever is more
-    per_visit : see labels
+    levels : what was known before a visit is told apart by so many levels beside the floor, at most; 0: none
     """
 
     rounds: int = 60
     gap: float = 1e-3
     exact: int = 0
-    buckets: int = 32
-    labels: int = 400_000
-    per_visit: int = 60
+    levels: int = len(SPACING)
 
 
 class WholeLooks:
@@ -58,47 +56,53 @@ class WholeLooks:
         effort: Effort,
         spread: Spread = HERE,
     ):
-        self.allowed, self.effort = allowed, effort
+        self.allowed, self.effort, self.spread = allowed, effort, spread
         self.stretch = np.repeat(np.arange(len(allowed.capacity)), np.diff(allowed.starts))
-        self.chunk = Chunk(courses, np.arange(len(courses)), self.stretch, tangents, effort.exact)
-        self._ask = spread.hold(answer, [self.chunk] if spread.count == 1 else self.chunk.parts(spread.count))
+        self._hold(Chunk(courses, np.arange(len(courses)), self.stretch, tangents, effort.exact))
+
+    def _hold(self, chunk: Chunk) -> None:
+        self.chunk = chunk
+        self._ask = self.spread.hold(answer, [chunk] if self.spread.count == 1 else chunk.parts(self.spread.count))
 
     @property
     def capacity(self) -> np.ndarray:
         """(S,) looks of every stretch."""
         return self.allowed.capacity
 
-    def ask(self, prices: np.ndarray, buckets: int = 0) -> Answer:
-        """What all targets answer to prices (S,), with labels where there are buckets."""
-        return joined(self._ask(prices, buckets))
+    def ask(self, prices: np.ndarray) -> Answer:
+        """What all targets answer to prices (S,)."""
+        return joined(self._ask(prices))
 
     def bound(self, start: np.ndarray, stop: Callable[[Found], bool] = lambda found: False) -> Found:
-        """The largest bound that is found, from prices `start` (S,) on: with the forgetful programme, then with labels.
+        """The largest bound that is found, from prices `start` (S,) on: from the floor, then with levels.
 
         Parameters
         ----------
         start : (S,) prices, such as those of the relaxed optimum
         stop : whether to leave earlier
         """
-        lines = Lines(len(self.chunk.courses), self.capacity)
+        e, lines = self.effort, self._lines()
+        exactly = e.exact > 0 and self.chunk.exactly
+        rough = max(e.gap, ROUGH) if e.levels and not exactly else e.gap
         found, best = self._scaled(start, lines)
-        e = self.effort
         if not stop(found):
-            found = _better(found, raise_bound(self.ask, lines, best, e.rounds - found.rounds, e.gap, stop))
-        if not e.buckets or (e.exact and self.chunk.exactly) or stop(found):
-            return found
-        spent, most = 0, max(e.labels, e.per_visit * sum(len(c.member) - 1 for c in self.chunk.courses))
+            found = _better(found, raise_bound(self.ask, lines, best, e.rounds - found.rounds, rough, stop))
+        if e.levels and not exactly and not stop(found):
+            self._hold(replace(self.chunk, every=self._every(found.prices)))
+            found = _better(found, raise_bound(self.ask, self._lines(), found.prices, e.rounds, e.gap, stop))
+        return found
 
-        def with_labels(prices: np.ndarray) -> Answer:
-            nonlocal spent
-            given = self.ask(prices, e.buckets)
-            spent += given.labels
-            return given
+    def _lines(self) -> Lines:
+        return Lines(len(self.chunk.courses), self.capacity)
 
-        def enough(now: Found) -> bool:
-            return stop(now) or spent + spent / now.rounds > most
-
-        return _better(found, raise_bound(with_labels, lines, found.prices, e.rounds, e.gap, enough))
+    def _every(self, prices: np.ndarray) -> list[tuple[int, ...]]:
+        """Levels around how often each target is looked at, at prices."""
+        given, found = self.ask(prices), []
+        for course, line in zip(self.chunk.courses, given.plans, strict=True):
+            between = len(course.interval) / (len(line.at) + 1)
+            spaced = {max(1, round(x * between)) for x in SPACING[: self.effort.levels]}
+            found.append(tuple(sorted(spaced | {1})))
+        return found
 
     def _scaled(self, start: np.ndarray, lines: Lines) -> tuple[Found, np.ndarray]:
         """The best multiple of prices: D is concave along them."""

@@ -18,34 +18,48 @@ from occontrol.scheduling.whole.certificate import Chunk
 from occontrol.scheduling.whole.courses import Course
 from occontrol.scheduling.whole.forgetful import onward_from, plan
 from occontrol.scheduling.whole.kernels import OPTIONS, begin, finish, pack, space, start, take
+from occontrol.scheduling.whole.levels import place
 from occontrol.scheduling.whole.tables import Tables
 
 
 @njit(**OPTIONS)
 def _worth(
-    data, s, k, p, last, S, visit, member, looks, lump, due, rest, value, gap, costs, after
+    data, s, k, p, last, before, S, visit, member, looks, lump, between, due, total, gap, level, costs, after
 ):  # fmt: skip
-    """costs (1 + visits,) <- of no look and of each visit of open interval p, with what follows; after: covariances."""
+    """costs (1 + visits,) <- of no look and of each visit of open interval p, with what follows; after: covariances.
+
+    The visit before was at open interval `last` (-1: none), with covariances `before` after it, packed.
+    """
     t, y, _ = space(data)
     P, D = gap.shape[0], gap.shape[1] - 1
     taken = np.zeros(len(looks) + 1)
-    onward, packed = np.empty(P + 1), np.empty(D)
+    n, B = 1, level.shape[1]
+    for b in range(len(data[0])):
+        n = max(n, data[0][b, 0])
+    onward, packed, X, E = np.empty((B, P + 1)), np.empty(D), np.empty(D), np.empty((n, n))
     begin(data, s, k, S, t)
-    onward_from(p, last, visit, lump, due, rest, value, onward)
+    onward_from(p, last, visit, lump, between, due, total, onward)
     for c in range(visit[p + 1] - visit[p] + 1):
         v = visit[p] + c - 1
         after[c] = S
         if c == 1:
-            onward_from(p, p, visit, lump, due, rest, value, onward)
+            onward_from(p, p, visit, lump, between, due, total, onward)
         if c:
             take(member, looks, v, taken, 1.0)
         cost = finish(data, s, k, after[c], c > 0, taken, t, y)
         if c:
             take(member, looks, v, taken, 0.0)
         pack(data, after[c], 1.0, packed)
+        if c:
+            a, share = place(data[0], packed, level[p], X, E)
+        elif last >= 0:
+            a, share = place(data[0], before, level[last], X, E)
+        else:
+            a, share = 0, 0.0
+        z = min(a + 1, B - 1)
         best = np.inf
         for q in range(p + 1, P + 1):
-            x = gap[p, D, q] + onward[q]
+            x = gap[p, D, q] + (1.0 - share) * onward[a, q] + share * onward[z, q]
             for d in range(D):
                 x += gap[p, d, q] * packed[d]
             best = min(best, x)
@@ -67,10 +81,11 @@ class _Walker:
 
     def __init__(self, course: Course, table: Tables, due: np.ndarray):
         self.course, self.table, self.due = course, table, due
-        self.value = plan(course, table, due).value
+        self.total = plan(course, table, due).total
         self.S = np.empty(int(np.sum(course.data[0][:, 0] ** 2)))
         start(course.data, self.S)
         self.place, self.last, self.reached = 0, -1, 0
+        self.before = np.zeros(table.level.shape[2])
         self.costs = self.after = np.zeros(0)
 
     def options(self, k: int) -> tuple[np.ndarray, np.ndarray]:
@@ -80,8 +95,8 @@ class _Walker:
         count = int(c.visit[p + 1] - c.visit[p]) + 1
         self.costs, self.after = np.empty(count), np.empty((count, len(self.S)))
         _worth(
-            c.data, c.substeps, k, p, self.last, self.S, c.visit, c.member, c.look, t.lump, self.due, t.visit,
-            self.value, t.gap, self.costs, self.after,
+            c.data, c.substeps, k, p, self.last, self.before, self.S, c.visit, c.member, c.look, t.lump, t.between,
+            self.due, self.total, t.gap, t.level, self.costs, self.after,
         )  # fmt: skip
         alone = [w for w in range(1, count) if c.member[c.visit[p] + w] - c.member[c.visit[p] + w - 1] == 1]
         look = c.look[c.member[c.visit[p] + np.array(alone) - 1]]
@@ -89,9 +104,10 @@ class _Walker:
 
     def go(self, k: int, which: int | None) -> None:
         """Past interval k, with look number `which` of `options` or without."""
+        self.S = self.after[0 if which is None else 1 + which].copy()
         if which is not None:
             self.last = self.place
-        self.S = self.after[0 if which is None else 1 + which].copy()
+            pack(self.course.data, self.S, 1.0, self.before)
         self.place, self.reached = self.place + 1, k + 1
 
 

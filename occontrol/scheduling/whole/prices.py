@@ -1,10 +1,12 @@
 """Prices of looks that make the bound on whole looks large: column generation.
 
-D(lam) = sum_i m_i(lam) - sum_s lam_s c_s is a lower bound for all lam >= 0. Every plan of a target says
-m_i(lam) <= a + lam.u for all lam, a what it costs and u how often it looks on each stretch. The largest D that these
-lines allow in a box around the best prices so far is a linear programme, whose prices are tried next. The box grows
-where D grew by a good share of what the lines expected, and shrinks where it did not. What is known of m_i is a lower
-bound, so that D stays below the lines; they end where they expect nothing more.
+D(lam) = sum_i m_i(lam) - sum_s lam_s c_s is a lower bound for all lam >= 0. What is known of m_i is concave, the least
+of lines a + lam.u, a what plans cost and u how often they look on each stretch; every answer shows one. The largest D
+that the lines shown allow in a box around the best prices so far is a linear programme, whose prices are tried next.
+The box grows where D grew by a good share of what the lines expected, and shrinks where it did not.
+
+Where two lower bounds are known of m_i, from whole looks and a tangent, each has lines of its own: those count of the
+one that is larger at the best prices.
 """
 
 from __future__ import annotations
@@ -22,21 +24,34 @@ KEPT = 14  # lines of a target that stay
 
 
 @dataclass(frozen=True, eq=False)
+class Line:
+    """height + sum of share lam[at]: above a concave function of prices lam.
+
+    Parameters
+    ----------
+    height : a
+    at, share : stretches and u there
+    """
+
+    height: float
+    at: np.ndarray
+    share: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Answer:
     """What all targets say to prices.
 
     Parameters
     ----------
     bounds : (T,) m_i from below
-    costs : (T,) what their plans cost, without prices
-    stretches : for every target, the stretch of each look of its plan
-    labels : that it took
+    plans : (T,) lines of a plan each: what it costs, where it looks
+    lines : for every target, the lines of its lower bounds, one of each kind
     """
 
     bounds: np.ndarray
-    costs: np.ndarray
-    stretches: list[np.ndarray]
-    labels: int = 0
+    plans: list[Line]
+    lines: list[tuple[Line, ...]]
 
 
 @dataclass
@@ -70,13 +85,13 @@ class Lines:
 
     def __init__(self, targets: int, capacity: np.ndarray):
         self.capacity = np.asarray(capacity, dtype=float)
-        self._known: list[dict[bytes, tuple[float, np.ndarray]]] = [{} for _ in range(targets)]
-        self._all: tuple[np.ndarray, np.ndarray, csc_array] | None = None
+        self._known: list[tuple[dict[bytes, Line], ...]] = [({}, {}) for _ in range(targets)]
 
     def add(self, answer: Answer) -> None:
         """The lines that an answer shows."""
-        for known, cost, at in zip(self._known, answer.costs, answer.stretches, strict=True):
-            known[at.tobytes()] = float(cost), at
+        for known, lines in zip(self._known, answer.lines, strict=True):
+            for kind, line in zip(known, lines, strict=False):
+                kind[line.at.tobytes() + line.share.tobytes()] = line
 
     def best(self, centre: np.ndarray, width: np.ndarray) -> tuple[float, float, np.ndarray]:
         """The D that the lines allow at prices, the largest near them, and the prices (S,) of that.
@@ -86,22 +101,26 @@ class Lines:
         centre, width : (S,) prices differ from the centre by at most the width; lines that are far above the lowest
             at the centre are forgotten
         """
-        cost, own, rows, columns = [], [], [], []
+        cost, own, used = [], [], []
         here = -float(centre @ self.capacity)
-        for i, known in enumerate(self._known):
-            height = {key: a + float(np.sum(centre[at])) for key, (a, at) in known.items()}
-            here += min(height.values())
-            if len(known) > 2 * KEPT:
-                for key in sorted(known, key=height.__getitem__)[KEPT:]:
-                    del known[key]
-            for a, at in known.values():
-                columns.append(at)
-                rows.append(np.full(len(at), len(cost)))
-                cost.append(a)
-                own.append(i)
+        for i, kinds in enumerate(self._known):
+            most, best = -np.inf, {}
+            for known in kinds:
+                height = {key: x.height + float(x.share @ centre[x.at]) for key, x in known.items()}
+                if len(known) > 2 * KEPT:
+                    for key in sorted(known, key=height.__getitem__)[KEPT:]:
+                        del known[key]
+                if known and min(height.values()) > most:
+                    most, best = min(height.values()), known
+            here += most
+            used += best.values()
+            cost += [x.height for x in best.values()]
+            own += [i] * len(best)
+        rows = np.repeat(np.arange(len(used)), [len(x.at) for x in used])
+        columns, values = np.concatenate([x.at for x in used]), -np.concatenate([x.share for x in used])
         C, S, T = len(cost), len(self.capacity), len(self._known)
         share = csc_array((np.ones(C), (np.arange(C), np.array(own))), shape=(C, T))
-        u = csc_array((-np.ones(sum(map(len, rows))), (np.concatenate(rows), np.concatenate(columns))), shape=(C, S))
+        u = csc_array((values, (rows, columns)), shape=(C, S))
         low, high = np.maximum(centre - width, 0.0), centre + width
         limits = [(None, None)] * T + list(zip(low, high, strict=True))
         found = linprog(

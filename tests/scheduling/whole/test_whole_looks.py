@@ -13,15 +13,14 @@ from occontrol.core.monitor import Monitor
 from occontrol.families.athans.targets.fill import fill
 from occontrol.families.athans.targets.whole import whole_looks
 from occontrol.scheduling.blocks.relaxation import relax
-from occontrol.scheduling.whole.bound import Effort, WholeLooks, relaxed_prices
+from occontrol.scheduling.whole.bound import SPACING, Effort, WholeLooks, relaxed_prices
 from occontrol.scheduling.whole.certificate import Chunk, answer, combined, real_cost, visit_counts
 from occontrol.scheduling.whole.forgetful import cost_of, plan
-from occontrol.scheduling.whole.labels import refined
 from occontrol.scheduling.whole.prefixes import beginnings
 from occontrol.scheduling.whole.tables import tables
 from occontrol.scheduling.whole.tree import search
 from tests.plain_looks import optimum, small
-from tests.target_problems import read
+from tests.target_problems import read, tracking
 
 EXACT = 400_000
 ROUNDING = 1e-9
@@ -118,29 +117,46 @@ def test_a_floor_that_forgets_the_start_is_no_bound(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", [3, 21, 24, 56])
-def test_what_forgets_and_what_merges_lies_below_the_exact_minimum(seed: int, tmp_path: Path) -> None:
-    """One target: the forgetful programme, labels, and all beginnings, at prices of every size."""
+def test_what_forgets_lies_below_the_exact_minimum(seed: int, tmp_path: Path) -> None:
+    """One target: the floor, levels, and all beginnings, at prices of every size; and the line of the mixture."""
     _, _, _, ready = asked(small(seed), tmp_path)
     rng = np.random.default_rng(seed)
     near = []
     for course in ready.chunk.courses:
-        tree, table = beginnings(course), tables(course)
+        tree, known = beginnings(course), [tables(course), tables(course, (1, 2, 4)), tables(course, (1, 2, 3, 4, 6))]
         assert tree is not None
+        others = [course.dues(0.3 * rng.uniform(0, 1, len(ready.stretch))) for _ in range(4)]
         for scale in (0.0, 0.03, 0.3, 3.0):
             due = course.dues(scale * rng.uniform(0, 1, len(ready.stretch)))
             exact, visits = tree.best(due)
             assert cost_of(course, visits) + np.sum(due[visits]) == pytest.approx(exact, rel=1e-10)
-            rough = plan(course, table, due)
-            ceiling = cost_of(course, rough.visits) + float(np.sum(due[rough.visits]))
-            few, _ = refined(course, table, due, ceiling, 2)
-            many, count = refined(course, table, due, ceiling, 64)
-            assert rough.bound <= exact * (1 + ROUNDING) <= ceiling * (1 + 2 * ROUNDING)
-            assert rough.bound <= few.bound <= exact * (1 + ROUNDING)
-            assert many.bound <= exact * (1 + ROUNDING) and count <= 64 * len(due)
-            near.append((exact - many.bound) / exact)
-            real = cost_of(course, many.visits) + float(np.sum(due[many.visits]))
-            assert real >= exact * (1 - ROUNDING)
-    assert np.max(near) < 0.02 and np.median(near) < 1e-3
+            found = [plan(course, table, due) for table in known]
+            for one, table in zip(found, known, strict=True):
+                assert one.bound <= exact * (1 + ROUNDING)
+                assert cost_of(course, one.visits) + float(np.sum(due[one.visits])) >= exact * (1 - ROUNDING)
+                for other in others:  # concave in prices, and the mixture of plans says how it grows
+                    line = one.bound + (other - due) @ one.often
+                    assert plan(course, table, other).bound <= line + ROUNDING * abs(exact)
+            assert found[0].bound <= min(found[1].bound, found[2].bound) * (1 + ROUNDING)
+            near.append([(exact - one.bound) / exact for one in found])
+    assert np.max(near) < 0.1
+
+
+def test_levels_bring_what_the_floor_forgets(tmp_path: Path) -> None:
+    """Targets looked at again and again: how far the bounds lie below the cost of a plan that is there."""
+    _, _, _, ready = asked(tracking(2, 60, 1, 20.0, 0.05), tmp_path)
+    far = []
+    for course in ready.chunk.courses:
+        for price in (0.1, 0.3):
+            due = course.dues(np.full(len(ready.stretch), price))
+            found = plan(course, tables(course), due)
+            every = {1, *(max(1, round(x * 60 / (len(found.visits) + 1))) for x in SPACING)}
+            levels = plan(course, tables(course, tuple(sorted(every))), due)
+            cost = min(cost_of(course, x.visits) + float(np.sum(due[x.visits])) for x in (found, levels))
+            far.append([(cost - x.bound) / cost for x in (found, levels)])
+    assert np.min(far) > -ROUNDING
+    floor, levels = np.mean(far, axis=0)
+    assert levels < 0.6 * floor
 
 
 def test_chunks_of_targets_answer_anywhere(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from occontrol.families.athans.targets.fill import Filled
 from occontrol.scheduling.blocks.single import singles
 from occontrol.scheduling.blocks.sweep import BlockSweep
 from occontrol.scheduling.relaxation import RelaxedOutcome
-from occontrol.scheduling.whole.bound import Effort, WholeLooks, relaxed_prices
+from occontrol.scheduling.whole.bound import SPACING, Effort, WholeLooks, relaxed_prices
 from occontrol.scheduling.whole.certificate import Tangents
 from occontrol.scheduling.whole.courses import courses
 from occontrol.scheduling.whole.index import price_index
@@ -20,10 +20,10 @@ from occontrol.scheduling.whole.prefixes import MOST, Beginnings
 from occontrol.scheduling.whole.prices import Found
 from occontrol.scheduling.whole.tree import search
 
-CONTEXTS = 16  # lumps of gaps that a target has, about
+CONTEXTS = 18, 28  # lumps of gaps that a target has, about, without levels and with
 MOST_BYTES = 1.2e9  # of the tables of all targets
 MOST_LOOKS = 200  # up to which a problem is small enough to ask for the trees of its targets
-MOST_ARCS = 5e9  # gaps that are looked at in all rounds
+MOST_ARCS = 1e10  # gaps that are looked at in all rounds
 ROUNDS = 12, 60
 ENOUGH = 5e-3  # relative gap to the relaxed bound, up to which nothing more is asked
 CLOSED = 1e-9  # relative gap that is none
@@ -90,23 +90,33 @@ class Whole:
     proven: bool = False
 
 
-def fits(filled: Filled) -> bool:
-    """Whether tables of all targets fit in memory and in a reasonable time."""
+def levels_that_fit(filled: Filled) -> int | None:
+    """How many levels beside the floor fit in memory with the tables of all targets; None where nothing fits.
+
+    Parameters
+    ----------
+    filled : the problem
+    """
     looks, problem = filled.looks, filled.problem
     real = looks.target >= 0
     if not np.any(real):
-        return False
+        return None
     key = looks.target[real].astype(np.int64) * problem.intervals + looks.interval[real]
     visits = np.bincount(looks.target[real], minlength=problem.targets).astype(float)
     open_ = np.bincount(np.unique(key) // problem.intervals, minlength=problem.targets).astype(float)
-    return 8 * float(np.sum((1.5 * visits * CONTEXTS + 12 * open_) * open_)) <= MOST_BYTES
+    for levels in range(len(SPACING), -1, -1):
+        each = 0.5 * visits * CONTEXTS[levels > 0] * (levels + 1) + (12 + levels) * open_
+        if 8 * float(np.sum(each * open_)) <= MOST_BYTES:
+            return levels
+    return None
 
 
-def _rounds(filled: Filled) -> int:
+def _rounds(filled: Filled, levels: int) -> int:
     """Prices that are tried: fewer where there are many looks."""
     real = filled.looks.target >= 0
     each = np.bincount(filled.looks.target[real], minlength=filled.problem.targets).astype(float)
-    return int(np.clip(MOST_ARCS / (0.5 * CONTEXTS * float(np.sum(each**2)) + 1.0), *ROUNDS))
+    arcs = 0.5 * CONTEXTS[levels > 0] * (levels + 1) * float(np.sum(each**2))
+    return int(np.clip(MOST_ARCS / (arcs + 1.0), *ROUNDS))
 
 
 def bound_whole(
@@ -122,10 +132,12 @@ def bound_whole(
     monitor : Monitor
     walk : whether a schedule is asked for
     """
-    if monitor.stop or not np.isfinite(relaxed.cost) or not fits(filled):
+    levels = levels_that_fit(filled)
+    if monitor.stop or not np.isfinite(relaxed.cost) or levels is None:
         return None
     monitor.stage = "whole looks"
-    ready = whole_looks(filled, sweep, relaxed.weights, Effort(rounds=_rounds(filled)), monitor.spread)
+    effort = Effort(_rounds(filled, levels), levels=levels)
+    ready = whole_looks(filled, sweep, relaxed.weights, effort, monitor.spread)
     start = relaxed_prices(relaxed.gradient, filled.allowed)
 
     def stop(found: Found) -> bool:
