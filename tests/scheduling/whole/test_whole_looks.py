@@ -170,7 +170,7 @@ def test_chunks_of_targets_answer_anywhere(tmp_path: Path) -> None:
     assert combined(answers, prices, ready.capacity) == combined([together], prices, ready.capacity)
     counts = visit_counts(answers, len(prices))
     assert np.array_equal(counts, visit_counts([together], len(prices)))
-    assert np.sum(counts) == sum(map(len, together.stretches)) > 0
+    assert np.sum(counts) == sum(len(plan.at) for plan in together.plans) > 0
 
 
 def test_costs_of_targets_add_up_to_what_the_blocks_cost(tmp_path: Path) -> None:
