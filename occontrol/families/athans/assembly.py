@@ -118,6 +118,7 @@ def assemble(
         switches=schedule.switches,
         sweeps=dict(relaxed.sweeps) if relaxed is not None else {},
         extra=dict(found.extra),
+        bounds=found.bounds,
         schedule=schedule.segments(),
     )
     arrays = {

@@ -43,6 +43,7 @@ class Found:
     proves : whether reaching the relaxation's target is what this method promises
     target : the relative gap that counts as certified otherwise
     extra : further entries of result.json
+    bounds : lower bounds by name, where there are several
     """
 
     weights: np.ndarray
@@ -54,6 +55,7 @@ class Found:
     proves: bool = False
     target: float = 1e-4
     extra: PlainDict = field(default_factory=dict)
+    bounds: PlainDict | None = None
 
 
 def relax(

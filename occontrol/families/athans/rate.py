@@ -14,7 +14,7 @@ from occontrol.core.result import ResultData
 from occontrol.core.schedule import Schedule
 from occontrol.core.solution import Solution
 from occontrol.families.athans.base import AthansProblem
-from occontrol.families.athans.methods import METHODS
+from occontrol.families.athans.methods import METHODS, RelaxRoundPolish
 from occontrol.families.athans.problem import SchedulingProblem
 from occontrol.families.athans.result import AthansResult
 from occontrol.families.family import NOTHING, Ability, Family
@@ -60,6 +60,7 @@ class RateFamily(Family):
         from occontrol.families.athans.balanced import balanced, restored
         from occontrol.families.athans.discretise import feasible_set
         from occontrol.families.athans.integration.refine import search_space
+        from occontrol.families.athans.whole_dense import with_whole_looks
 
         if not problem.prior:
             from occontrol.families.athans.criteria.rate_design import solve_rate_design
@@ -83,6 +84,8 @@ class RateFamily(Family):
         integrator, sweep = search_space(inner, method, monitor)
         inner = integrator.problem  # edges may have been added
         found = method.run(inner, sweep, feasible_set(inner), monitor)
+        if isinstance(method, RelaxRoundPolish) and method.polish:
+            with_whole_looks(found, sweep, feasible_set(inner), monitor)
         return restored(assemble(inner, method.name, integrator, sweep, found, monitor, began), problem, units)
 
     def require_feasible(self, problem: SchedulingProblem) -> None:

@@ -70,13 +70,38 @@ class Filled:
 
     def by_target(self, sweep: BlockSweep, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Error and observation cost (alpha q h v) of every target, of the last sweep, at `weights` (E, 1)."""
-        T = self.problem.targets
-        error, paid = np.zeros(T), np.zeros(T)
-        for owner, costs in zip(self.owners, sweep.block_costs, strict=True):
-            np.add.at(error, owner, costs)
-        looked = self.looks.target >= 0
-        np.add.at(paid, self.looks.target[looked], (self.looks.price * weights[:, 0])[looked])
-        return error, paid
+        return costs_by_target(self.looks, self.owners, self.targets, sweep, weights)
+
+    @property
+    def targets(self) -> int:
+        """T"""
+        return self.problem.targets
+
+    @property
+    def intervals(self) -> int:
+        """N"""
+        return self.problem.intervals
+
+
+def costs_by_target(
+    looks: Looks, owners: list[np.ndarray], targets: int, sweep: BlockSweep, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Error and observation cost (alpha q h v) of every target, of the last sweep.
+
+    Parameters
+    ----------
+    looks : Looks
+    owners : target of each block, group by group
+    targets : T
+    sweep : over the blocks
+    weights : (E, 1)
+    """
+    error, paid = np.zeros(targets), np.zeros(targets)
+    for owner, costs in zip(owners, sweep.block_costs, strict=True):
+        np.add.at(error, owner, costs)
+    looked = looks.target >= 0
+    np.add.at(paid, looks.target[looked], (looks.price * weights[:, 0])[looked])
+    return error, paid
 
 
 def fill(problem: TargetsProblem, substeps: int = 1) -> Filled:

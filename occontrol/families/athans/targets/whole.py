@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from occontrol.core.monitor import Monitor
 from occontrol.core.spread import HERE, Spread
-from occontrol.families.athans.targets.fill import Filled
+from occontrol.families.athans.targets.fill import Looks
+from occontrol.scheduling.blocks.lanes import BlockGroup
+from occontrol.scheduling.blocks.resources import ResourceSet
 from occontrol.scheduling.blocks.single import singles
 from occontrol.scheduling.blocks.sweep import BlockSweep
 from occontrol.scheduling.relaxation import RelaxedOutcome
@@ -30,7 +33,40 @@ CLOSED = 1e-9  # relative gap that is none
 NODES = 3_000_000
 
 
-def tangents_at(filled: Filled, sweep: BlockSweep, weights: np.ndarray) -> Tangents:
+class Listed(Protocol):
+    """Targets, blocks and looks as arrays, such as `Filled`."""
+
+    @property
+    def targets(self) -> int: ...
+
+    @property
+    def intervals(self) -> int: ...
+
+    @property
+    def substeps(self) -> int: ...
+
+    @property
+    def looks(self) -> Looks: ...
+
+    @property
+    def allowed(self) -> ResourceSet: ...
+
+    @property
+    def groups(self) -> list[BlockGroup]: ...
+
+    @property
+    def owners(self) -> list[np.ndarray]: ...
+
+    @property
+    def steps(self) -> np.ndarray: ...
+
+    @property
+    def charges(self) -> np.ndarray: ...
+
+    def by_target(self, sweep: BlockSweep, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
+
+
+def tangents_at(filled: Listed, sweep: BlockSweep, weights: np.ndarray) -> Tangents:
     """The tangents of all targets at shares of looks.
 
     Parameters
@@ -48,7 +84,7 @@ def tangents_at(filled: Filled, sweep: BlockSweep, weights: np.ndarray) -> Tange
 
 
 def whole_looks(
-    filled: Filled, sweep: BlockSweep, weights: np.ndarray, effort: Effort, spread: Spread = HERE
+    filled: Listed, sweep: BlockSweep, weights: np.ndarray, effort: Effort, spread: Spread = HERE
 ) -> WholeLooks:
     """All targets of a problem, to be asked at prices.
 
@@ -61,7 +97,7 @@ def whole_looks(
     spread : where the targets are asked
     """
     looks = filled.looks
-    data = singles(filled.groups, filled.owners, filled.problem.targets, filled.steps, filled.charges)
+    data = singles(filled.groups, filled.owners, filled.targets, filled.steps, filled.charges)
     each = courses(data, looks.interval, looks.target, looks.price, filled.substeps)
     return WholeLooks(each, filled.allowed, tangents_at(filled, sweep, weights), effort, spread)
 
@@ -90,20 +126,20 @@ class Whole:
     proven: bool = False
 
 
-def levels_that_fit(filled: Filled) -> int | None:
+def levels_that_fit(filled: Listed) -> int | None:
     """How many levels beside the floor fit in memory with the tables of all targets; None where nothing fits.
 
     Parameters
     ----------
     filled : the problem
     """
-    looks, problem = filled.looks, filled.problem
+    looks, T, N = filled.looks, filled.targets, filled.intervals
     real = looks.target >= 0
     if not np.any(real):
         return None
-    key = looks.target[real].astype(np.int64) * problem.intervals + looks.interval[real]
-    visits = np.bincount(looks.target[real], minlength=problem.targets).astype(float)
-    open_ = np.bincount(np.unique(key) // problem.intervals, minlength=problem.targets).astype(float)
+    key = looks.target[real].astype(np.int64) * N + looks.interval[real]
+    visits = np.bincount(looks.target[real], minlength=T).astype(float)
+    open_ = np.bincount(np.unique(key) // N, minlength=T).astype(float)
     for levels in range(len(SPACING), -1, -1):
         each = 0.5 * visits * CONTEXTS[levels > 0] * (levels + 1) + (12 + levels) * open_
         if 8 * float(np.sum(each * open_)) <= MOST_BYTES:
@@ -111,16 +147,16 @@ def levels_that_fit(filled: Filled) -> int | None:
     return None
 
 
-def _rounds(filled: Filled, levels: int) -> int:
+def _rounds(filled: Listed, levels: int) -> int:
     """Prices that are tried: fewer where there are many looks."""
     real = filled.looks.target >= 0
-    each = np.bincount(filled.looks.target[real], minlength=filled.problem.targets).astype(float)
+    each = np.bincount(filled.looks.target[real], minlength=filled.targets).astype(float)
     arcs = 0.5 * CONTEXTS[levels > 0] * (levels + 1) * float(np.sum(each**2))
     return int(np.clip(MOST_ARCS / (arcs + 1.0), *ROUNDS))
 
 
 def bound_whole(
-    filled: Filled, sweep: BlockSweep, relaxed: RelaxedOutcome, monitor: Monitor, walk: bool
+    filled: Listed, sweep: BlockSweep, relaxed: RelaxedOutcome, monitor: Monitor, walk: bool
 ) -> Whole | None:
     """The bound on whole looks, and with `walk` the schedule of the price index; None where it would take too much.
 
@@ -151,7 +187,7 @@ def bound_whole(
 
 
 def by_tree(
-    filled: Filled, sweep: BlockSweep, relaxed: RelaxedOutcome, known: Whole, best: np.ndarray, monitor: Monitor
+    filled: Listed, sweep: BlockSweep, relaxed: RelaxedOutcome, known: Whole, best: np.ndarray, monitor: Monitor
 ) -> Whole:
     """The same with what the tree proves, where every target is small: it is gone through whatever a bound says.
 
