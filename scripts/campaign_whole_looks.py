@@ -4,7 +4,7 @@
     python -m scripts.campaign_whole_looks 500 700     those with these seeds
 
 Two or three targets, at most 14 intervals, precise and weak looks, capacities 1 and 2, windows, one or two sites
-(tests/plain_looks.py, which shares no code with the product). Printed are quantiles of bound / optimum. `prices`: of the
+(tests/plain_looks.py, which shares no code with the product). Printed are quantiles of bound / optimum. `prices` is the
 bound by prices alone, with the forgetful programme and its levels, before the tree.
 """
 

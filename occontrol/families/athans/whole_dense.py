@@ -28,7 +28,8 @@ from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.relaxation import RelaxedOutcome
 from occontrol.scheduling.sweep import Sweep
 
-SEARCH = 8e7  # steps of a block of two states that the search may spend
+SEARCH = 4e7  # steps of a block of two states that a search may spend, at most so many times the open looks:
+SEARCH_PER_LOOK = 2e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,10 +171,9 @@ def whole_dense(
     best = weights
     if whole.weights is not None and not monitor.stop:
         data = singles(filled.groups, filled.owners, filled.targets, filled.steps, filled.charges)
+        work = min(SEARCH, SEARCH_PER_LOOK * filled.allowed.shape[0] * filled.substeps)
         for start in (whole.weights, filled.listed(weights)):
-            x, _ = improve(
-                start, filled.allowed, looks.target, looks.resource, looks.price, data, SEARCH / 2, monitor
-            )  # fmt: skip
+            x, _ = improve(start, filled.allowed, looks.target, looks.resource, looks.price, data, work, monitor)
             idle = np.all(~real, axis=0)
             other = filled.policy(x, allowed.upper, idle) if isinstance(allowed, IntervalPolytopes) else None
             if other is not None and sweep.cost(other) < sweep.cost(best):

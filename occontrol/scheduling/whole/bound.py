@@ -31,7 +31,7 @@ class Effort:
     """
 
     rounds: int = 60
-    gap: float = 1e-3
+    gap: float = 2e-3
     exact: int = 0
     levels: int = len(SPACING)
 
