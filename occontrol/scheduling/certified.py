@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from occontrol.numerics.linalg import square_root
+from occontrol.scheduling.blocks.components import separated
 from occontrol.scheduling.feasible_set import Bounding
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.roots import ULP, Roots
@@ -122,6 +123,45 @@ class _March:
 
 
 @dataclass(frozen=True, eq=False)
+class Apart:
+    """The roots of parts of a recursion that nothing couples, or of the whole as its only part.
+
+    Parameters
+    ----------
+    recursion : the whole
+    parts : Roots, prices of sensors in the first alone
+    """
+
+    recursion: Recursion
+    parts: Sequence[Roots]
+
+    @classmethod
+    def of(cls, recursion: Recursion) -> Apart:
+        """The roots of a recursion, part by part where it falls apart."""
+        return cls(recursion, [Roots.of(part) for part in separated(recursion)])
+
+    def moved(self, rng: np.random.Generator) -> Apart:
+        """The same of matrices moved in their last places."""
+        return Apart(self.recursion, [part.moved(rng) for part in self.parts])
+
+    def take(self, weights: np.ndarray) -> Pass:
+        """Cost and gradient of a policy, `weights` (N, M)."""
+        passes = [square_root_pass(part, weights) for part in self.parts]
+        gradient = np.sum([p.gradient for p in passes], axis=0)
+        return Pass(sum(p.cost for p in passes), gradient, sum(p.below for p in passes))
+
+    @property
+    def convex(self) -> bool:
+        """Whether no running weight lies below zero."""
+        return not any(len(part.negative) for part in self.parts)
+
+    def below_without(self) -> float:
+        """What running weights have below zero, without any measurement."""
+        idle = np.zeros((len(self.recursion.steps), self.recursion.sensors))
+        return sum(_below_zero(part, idle) for part in self.parts if len(part.negative))
+
+
+@dataclass(frozen=True, eq=False)
 class Certified:
     """What the square-root form says of a policy.
 
@@ -173,8 +213,8 @@ def certified(
     seed : of the perturbations
     """
     rng = np.random.default_rng(seed)
-    roots = [Roots.of(term.recursion) for term in terms]
-    passes = [square_root_pass(each, weights) for each in roots]
+    roots = [Apart.of(term.recursion) for term in terms]
+    passes = [each.take(weights) for each in roots]
     factors = [term.factor for term in terms]
     cost, own, below = _combined(roots, passes, factors, feasible_set, weights)
     change, last = np.zeros(2), roots[-1]
@@ -182,7 +222,7 @@ def certified(
     start = np.array([passes[-1].cost - passes[-1].below, alone])
     for _ in range(repeats):
         moved = last.moved(rng)
-        other = _combined([moved], [square_root_pass(moved, weights)], [1.0], feasible_set, weights)
+        other = _combined([moved], [moved.take(weights)], [1.0], feasible_set, weights)
         change = np.fmax(change, np.abs(np.array(other[:2]) - start))
     change = change * sum(abs(f) for f in factors)
     # three repeats may happen to change nothing: never less than what n x n factors round over so many steps, whose
@@ -190,11 +230,11 @@ def certified(
     least = FACTOR * ULP * last.recursion.states * np.sqrt(len(last.recursion.steps))
     extra = (DIFFUSE_SHARE if diffuseness(last.recursion) > DIFFUSE else least) * abs(cost)
     of_cost, of_bound = (FACTOR * float(c) + extra if np.isfinite(c) else np.inf for c in change)
-    return Certified(cost, own, of_cost, max(of_cost, of_bound), below, not any(len(r.negative) for r in roots))
+    return Certified(cost, own, of_cost, max(of_cost, of_bound), below, all(r.convex for r in roots))
 
 
 def _combined(
-    roots: Sequence[Roots], passes: Sequence[Pass], factors: Sequence[float], allowed: Bounding, weights: np.ndarray
+    roots: Sequence[Apart], passes: Sequence[Pass], factors: Sequence[float], allowed: Bounding, weights: np.ndarray
 ) -> tuple[float, float, float]:
     """Cost, own bound, and what of the cost lies below zero."""
     cost = sum(f * p.cost for f, p in zip(factors, passes, strict=True))
@@ -202,8 +242,7 @@ def _combined(
     below = sum(f * p.below for f, p in zip(factors, passes, strict=True))
     bound = allowed.bound(cost, weights, np.asarray(gradient))
     for each, f in zip(roots, factors, strict=True):
-        if len(each.negative):
-            bound -= f * _below_zero(each, np.zeros((len(each.recursion.steps), each.recursion.sensors)))
+        bound -= f * each.below_without()
     return cost - below, bound, below
 
 

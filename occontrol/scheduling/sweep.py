@@ -11,14 +11,13 @@ from typing import ClassVar
 import numpy as np
 
 from occontrol.scheduling import kernels, kernels_blas, kernels_blas_back
-from occontrol.scheduling.blocks.components import block_sweep
+from occontrol.scheduling.blocks.components import SPLIT, block_sweep
 from occontrol.scheduling.criterion import Criterion
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.vectors import padded, width
 
 SMALL = 56  # states up to which the loops beat BLAS calls (scripts/bench.py measures where they cross)
 MEMORY_BUDGET = 1_000_000_000
-SPLIT = 12  # states from which blocks are looked for
 
 
 class Sweep:

@@ -10,7 +10,7 @@ import pytest
 from occontrol.scheduling.blocks.components import block_groups, block_sweep, components
 from occontrol.scheduling.blocks.resources import ResourceSet
 from occontrol.scheduling.blocks.sweep import BlockSweep
-from occontrol.scheduling.certified import Roots, square_root_pass
+from occontrol.scheduling.certified import Apart, Roots, square_root_pass
 from occontrol.scheduling.feasible_set import IntervalPolytopes
 from occontrol.scheduling.recursion import Recursion
 from occontrol.scheduling.sweep import Sweep
@@ -185,6 +185,18 @@ def test_a_vague_start_and_sharp_sensors_keep_their_digits() -> None:
     value, gradient = blocked(vague).cost_and_gradient(policy)
     assert value == pytest.approx(exact.cost, rel=1e-9)
     assert np.max(np.abs(gradient - exact.gradient)) <= 1e-6 * np.max(np.abs(exact.gradient))
+
+
+def test_the_square_root_pass_goes_block_by_block_with_the_same_numbers() -> None:
+    apart = 0
+    for seed in range(12):
+        recursion, policy, _ = scattered(seed)
+        one, parts = square_root_pass(Roots.of(recursion), policy), Apart.of(recursion)
+        other = parts.take(policy)
+        apart += len(parts.parts) > 1
+        assert other.cost == pytest.approx(one.cost, rel=1e-12)
+        assert np.max(np.abs(other.gradient - one.gradient)) <= 1e-11 * np.max(np.abs(one.gradient))
+    assert apart > 3
 
 
 def test_threads_and_padding_change_nothing() -> None:

@@ -6,6 +6,7 @@ couple nothing (blocks/sweep.py). Components of that graph are the blocks. Found
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,7 @@ from occontrol.scheduling.blocks.sweep import BlockSweep
 from occontrol.scheduling.recursion import Recursion
 
 SAME = 1e-14  # of the diagonal: an entry of L that whitened rows leave by rounding where they do not couple
+SPLIT = 12  # states from which blocks are looked for
 LARGEST = 24  # states of a block up to which lanes are faster than the dense loops
 
 
@@ -112,6 +114,53 @@ def _group(recursion: Recursion, blocks: list[np.ndarray]) -> BlockGroup:
     )  # fmt: skip
 
 
+def worth_splitting(recursion: Recursion, blocks: list[np.ndarray]) -> bool:
+    """Whether blocks are small enough to be swept one by one.
+
+    Parameters
+    ----------
+    recursion : Recursion
+    blocks : the states of each
+    """
+    return len(blocks) > 1 and max(len(b) for b in blocks) <= min(LARGEST, recursion.states // 2)
+
+
+def separated(recursion: Recursion) -> list[Recursion]:
+    """Recursions of the blocks, with the same sensors and decisions; the recursion itself where it is no use.
+
+    Prices stand in the first alone, so that costs and gradients are the sums of those of the parts.
+
+    Parameters
+    ----------
+    recursion : Recursion
+    """
+    r = recursion
+    if r.states < SPLIT:
+        return [r]
+    blocks = components(r)
+    if not worth_splitting(r, blocks):
+        return [r]
+    found = []
+    for states in blocks:
+        at = np.ix_(states, states)
+        seen = np.any(r.rows[:, :, states], axis=(0, 2))
+        counts = [int(np.sum(seen[a:b])) for a, b in pairwise(r.offsets)]
+        found.append(
+            replace(
+                r,
+                initial=r.initial[at],
+                transition=np.ascontiguousarray(r.transition[:, at[0], at[1]]),
+                noise=np.ascontiguousarray(r.noise[:, at[0], at[1]]),
+                rows=np.ascontiguousarray(r.rows[:, seen][:, :, states]),
+                offsets=np.concatenate([[0], np.cumsum(counts)]).astype(r.offsets.dtype),
+                running=np.ascontiguousarray(r.running[:, at[0], at[1]]),
+                terminal=r.terminal[at],
+                cost=r.cost if not found else np.zeros_like(r.cost),
+            )
+        )
+    return found
+
+
 def block_sweep(recursion: Recursion) -> BlockSweep | None:
     """The sweep over the blocks of a recursion; None where it does not fall into blocks that are small enough.
 
@@ -120,7 +169,6 @@ def block_sweep(recursion: Recursion) -> BlockSweep | None:
     recursion : Recursion
     """
     blocks = components(recursion)
-    largest = max(len(b) for b in blocks)
-    if len(blocks) < 2 or largest > min(LARGEST, recursion.states // 2):
+    if not worth_splitting(recursion, blocks):
         return None
     return BlockSweep(block_groups(recursion, blocks), recursion.steps, recursion.charges, recursion.decision_cost)
