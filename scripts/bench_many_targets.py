@@ -24,7 +24,7 @@ from occontrol.families.athans.methods import RelaxRoundPolish
 from occontrol.families.athans.targets.fill import fill
 from occontrol.families.athans.targets.groups import LookSet, TargetGroup
 from occontrol.families.athans.targets.problem import Resource, TargetsProblem
-from occontrol.families.athans.targets.solve import solve
+from occontrol.families.athans.targets.solve import relaxed_task, solve
 from occontrol.scheduling.blocks.relaxation import relax
 
 CASES = ((104, 200, 5, 1e-4), (1000, 200, 50, 1e-4), (1000, 500, 50, 1e-4), (10_000, 200, 100, 1e-3),
@@ -73,15 +73,14 @@ def run(count: int, intervals: int, capacity: int, gap: float, sites: int = 1) -
     relax(warm.sweep(), warm.allowed, 1e-3, 30, Monitor())
     began, clock = time.process_time(), time.perf_counter()
     filled = fill(problem(count, intervals, capacity, sites=sites))
-    sweep, v = filled.sweep(), filled.allowed.uniform()
-    took = []
-    for _ in range(3):
-        start = time.process_time()
-        sweep.cost_and_gradient(v)
-        took.append(time.process_time() - start)
-    found = relax(sweep, filled.allowed, gap, 3000, Monitor())
+    task = relaxed_task(filled, gap, 3000, Monitor(), lean=True)
+    found, v, took = task.relaxed, filled.allowed.uniform(), []
     seconds, peak = time.process_time() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     wall = time.perf_counter() - clock
+    for _ in range(3):
+        start = time.process_time()
+        task.sweep.cost_and_gradient(v)
+        took.append(time.process_time() - start)
     reached = 1 - found.lower_bound / found.cost
     each = f"{capacity} x {sites} sites" if sites > 1 else f"{capacity}"
     print(

@@ -127,8 +127,8 @@ def fill(problem: TargetsProblem, substeps: int = 1) -> Filled:
             key = (len(states), made.per_use, F.shape[1])
             parts.setdefault(key, []).append((made, np.arange(len(group)) + problem.first[g]))
     groups, owners = [], []
-    for listed in parts.values():
-        merged, owner = _merged(listed)
+    while parts:
+        merged, owner = _merged(parts.pop(next(iter(parts))))
         groups.append(merged)
         owners.append(owner)
     charges = np.repeat(0.5 * steps[:, None], 2, axis=1)
@@ -226,8 +226,8 @@ def _merged(parts: list[tuple[BlockGroup, np.ndarray]]) -> tuple[BlockGroup, np.
     order = np.argsort(owner, kind="stable")
     back = np.empty(len(order), dtype=np.int32)
     back[order] = np.arange(len(order), dtype=np.int32)
-    first = np.cumsum([0, *(len(group) for group in groups)])
-    rows = np.cumsum([0, *(len(group.rows) for group in groups)])
+    first = np.cumsum([0, *(len(group) for group in groups)]).tolist()  # plain numbers keep lists of 32 bits so
+    rows = np.cumsum([0, *(len(group.rows) for group in groups)]).tolist()
 
     def joined(name: str) -> np.ndarray:
         return np.concatenate([getattr(group, name) for group in groups])[order]

@@ -31,7 +31,7 @@ MOST_SUBSTEPS = 16  # that are chosen where none are stated
 MOST_WORK = 3e7  # blocks times steps, beyond which no finer steps are chosen
 SEARCH = 8e7  # steps of a block of two states that the search may spend, at most so many times the open looks:
 SEARCH_PER_LOOK = 3e4
-LEAN = 30_000_000  # looks at blocks, beyond which their lists are dropped once they are laid out
+LEAN = 30_000_000  # looks at blocks, beyond which their lists are dropped once they are laid out; a tenth without search
 SEVERAL_STARTS, RANDOM_STARTS = 300, 5  # looks up to which there are several starts
 
 
@@ -77,8 +77,9 @@ def solve(problem: TargetsProblem, method: Method, monitor: Monitor) -> Solution
     began = stopwatch.seconds()
     gap = float(getattr(method, "relative_gap", 1e-4))
     filled, error = resolved(problem, gap, monitor)
-    whole = isinstance(method, RelaxRoundPolish | Relaxed | RoundRobin | Random)
-    lean = whole and sum(len(group.entry) for group in filled.groups) > LEAN
+    sweeps = isinstance(method, Relaxed | RoundRobin | Random)
+    uses = sum(len(group.entry) for group in filled.groups)
+    lean = (sweeps and uses > LEAN / 10) or (isinstance(method, RelaxRoundPolish) and uses > LEAN)
     task = relaxed_task(filled, gap, getattr(method, "max_iterations", STEPS_FOR_BOUND), monitor, lean)
     weights = _weights(task, method)
     return assemble(problem, method.name, task, weights, error, gap, began)
