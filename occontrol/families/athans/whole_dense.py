@@ -70,7 +70,14 @@ class Apart:
         return v
 
     def policy(self, weights: np.ndarray, upper: np.ndarray, idle: np.ndarray) -> np.ndarray | None:
-        """(N, M) of whole looks (E, 1); what is left over goes to idle sensors (M,), or to others that are free."""
+        """(N, M) of whole looks, `weights` (E, 1); what is left over goes to idle sensors (M,), or to free ones.
+
+        Parameters
+        ----------
+        weights : (E, 1)
+        upper : (N, M) of the feasible set
+        idle : (M,) which sensors see nothing
+        """
         v, there = np.zeros(self.place.shape), self.place >= 0
         v[there] = np.round(weights[self.place[there], 0])
         for k, left in enumerate(np.round(weights[self.allowed.rest, 0]).astype(int)):

@@ -120,7 +120,7 @@ def worth_splitting(recursion: Recursion, blocks: list[np.ndarray]) -> bool:
     Parameters
     ----------
     recursion : Recursion
-    blocks : the states of each
+    blocks : (n,) the states of each
     """
     return len(blocks) > 1 and max(len(b) for b in blocks) <= min(LARGEST, recursion.states // 2)
 

@@ -91,7 +91,7 @@ def costs_by_target(
     Parameters
     ----------
     looks : Looks
-    owners : target of each block, group by group
+    owners : (B,) target of each block, group by group
     targets : T
     sweep : over the blocks
     weights : (E, 1)

@@ -31,7 +31,7 @@ MOST_SUBSTEPS = 16  # that are chosen where none are stated
 MOST_WORK = 3e7  # blocks times steps, beyond which no finer steps are chosen
 SEARCH = 8e7  # steps of a block of two states that the search may spend, at most so many times the open looks:
 SEARCH_PER_LOOK = 3e4
-LEAN = 30_000_000  # looks at blocks, beyond which their lists are dropped once they are laid out; a tenth without search
+LEAN = 30_000_000  # looks at blocks, beyond which their lists are dropped once laid out; a tenth where no search is
 SEVERAL_STARTS, RANDOM_STARTS = 300, 5  # looks up to which there are several starts
 
 

@@ -63,7 +63,9 @@ class Listed(Protocol):
     @property
     def charges(self) -> np.ndarray: ...
 
-    def by_target(self, sweep: BlockSweep, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
+    def by_target(self, sweep: BlockSweep, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Error and observation cost (T,) of every target, of the last sweep, at `weights` (E, 1)."""
+        ...
 
 
 def tangents_at(filled: Listed, sweep: BlockSweep, weights: np.ndarray) -> Tangents:
