@@ -200,6 +200,16 @@ def check(name: str, plan: TargetPlan, full: bool, scratch: Path, misra: bool = 
     promise("i", "FMUs are valid and end with the same bits", not said, str(said) if said else "")
 
 
+def solved(problem, endless: bool):
+    """A solution by a quick method where that does the problem, else by its own."""
+    if not endless and problem.family in QUICK:
+        try:
+            return occontrol.solve(problem, QUICK[problem.family])
+        except OccontrolError:
+            pass
+    return occontrol.solve(problem)
+
+
 def check_filter(run: Path, folder: Path, problem, solution, plan: TargetPlan) -> None:
     """Beside `occontrol filter`, for the families whose measurement files have the times of the plan."""
     if plan.filter is None or problem.family not in ("athans", "vlambda"):
@@ -234,8 +244,7 @@ def main(runs: list[str]) -> int:
                     problem = occontrol.read_problem(path)
                     if hasattr(problem, "runs"):
                         object.__setattr__(problem, "runs", 2)
-                    endless = path.parent.name == "endless"
-                    solution = occontrol.solve(problem, None if endless else QUICK.get(problem.family))
+                    solution = solved(problem, path.parent.name == "endless")
                     problem = solution.problem or problem
                     run = scratch / f"run {path.stem}"
                     write_run(run, problem, solution)

@@ -74,6 +74,9 @@ def write(problem: BaseProblem, solution: Solution, tables: Mapping[str, np.ndar
     Raises UsageError for a family without filter tables and when an array is too large for the format.
     """
     if not tables:
+        if getattr(getattr(problem, "plant", None), "linearised", None) is not None:
+            hint = "--to fmu, or --to flight for a C Caller block"
+            raise UsageError(f"the filter of a nonlinear plant has no tables for MATLAB\n  hint: {hint}")
         raise UsageError(f"family {problem.family} has no filter for MATLAB\n  hint: --to mat writes its arrays")
     target.mkdir(parents=True, exist_ok=True)
     return [

@@ -16,6 +16,7 @@ import occontrol
 from occontrol.api import family_of, run_filter, simulate
 from occontrol.core.errors import UsageError
 from occontrol.core.target import FormulaModel, TargetPlan
+from occontrol.files.export import matlab
 from occontrol.files.export.flight.content import Options, make_content
 from occontrol.files.export.flight.elementary import Elementary
 from occontrol.files.export.flight.program import Program
@@ -227,3 +228,6 @@ def test_what_is_not_written_is_said() -> None:
     alone = plan_of(averages)[2]
     assert alone.filter is None and "averages over intervals" in alone.why
     assert replace(plan, formulas=None).filter is None
+    problem, solution, _ = plan_of(TANK)
+    with pytest.raises(UsageError, match="the filter of a nonlinear plant has no tables for MATLAB\n  hint: --to fmu"):
+        matlab.write(problem, solution, {}, Path("nowhere"))

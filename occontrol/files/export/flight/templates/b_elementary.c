@@ -390,8 +390,11 @@ static occ_value occ_pow(occ_value x, occ_value y)
     if ((x > OCC_ZERO) || (occ_is_nan(x) != 0U)) {
         return found;
     }
-    if (!(x < OCC_ZERO)) {
-        return (y > OCC_ZERO) ? OCC_ZERO : ((y < OCC_ZERO) ? (OCC_ONE / a) : OCC_ONE);
+    if (!(x < OCC_ZERO)) { /* 0 */
+        if (y < OCC_ZERO) {
+            return OCC_ONE / a;
+        }
+        return (y > OCC_ZERO) ? OCC_ZERO : OCC_ONE;
     }
     if (occ_floor(y) < y) {
         return (x - x) / (x - x);
