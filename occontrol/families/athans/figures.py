@@ -217,7 +217,8 @@ def switches_of(solution: Solution) -> list[str]:
     schedule = solution.schedule
     if schedule is None:
         return []
-    lines = ["", f"{schedule.switches} switch{'es' * (schedule.switches != 1)}"]
+    count = getattr(solution.numbers, "switches", schedule.switches)  # rules do not count slewing as a change
+    lines = ["", f"{count} switch{'es' * (count != 1)}"]
     if schedule.singular_fraction:
         lines += [f"singular {100 * schedule.singular_fraction:.3g} % of the time"]
     return lines
