@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 RECENT = 40
 EVERY = 10.0  # seconds between two lines of progress where there is no terminal
+COMPILING = "compiling (once)"
 PATIENCE = 0.5  # seconds in which nothing is said
 SHOW_CURSOR = b"\r\n\x1b[?25h"
 _pending: threading.Timer | None = None
@@ -201,8 +202,9 @@ def progress_text(monitor: Watched) -> str:
     ----------
     monitor : Watched
     """
-    if stopwatch.compiling():
-        return "compiling (once)"
+    compiling = stopwatch.compiling()
+    if compiling and not monitor.history:
+        return COMPILING
     elapsed = f"{monitor.seconds:.0f} s"
     if not monitor.history:
         return f"{monitor.stage or 'preparing'} · {elapsed}"
@@ -217,6 +219,8 @@ def progress_text(monitor: Watched) -> str:
             parts.append(f"gap {cost - bound:.2g}")
         elif math.isfinite(cost) and cost:
             parts.append(f"gap {100 * (cost - bound) / abs(cost):.2g} %")
+    if compiling:
+        return " · ".join([*parts, COMPILING])
     left = time_left(monitor)
     return " · ".join(
         [*parts, elapsed, *([f"about {left:.0f} s left" if left >= 1 else "nearly there"] if left is not None else [])]
