@@ -9,7 +9,7 @@ licences  of everything that is installed there: scripts/licences, with sbom.jso
 lowest    the oldest versions that pyproject.toml admits, extras too: a solve of every family's template, and tests
 pythons   the same with the newest versions on every Python that pyproject.toml names and this machine has
 gallery   every shipped problem checked from the installed wheel, the short ones solved to what they expect; the site
-          without a warning, its pictures drawn anew
+          without a warning; the problems of docs/gallery.md solved, with pictures, to what it shows
 --short   of `lowest` and `pythons` the templates and a minute of tests, in place of half an hour; no pictures
 Results stand in build/release.
 """
@@ -220,6 +220,14 @@ def gallery() -> None:
             if key in expect and abs(result[key] - expect[key]) > expect["tolerance"] * abs(expect[key]):
                 sys.exit(f"{name}: {key} is {result[key]}, {expect[key]} is expected")
     print(f"gallery   {len(names)} problems checked, {len(SHORT)} solved to what they expect")
+    run(python, "-m", "pip", "install", "-q", *project()["project"]["optional-dependencies"]["docs"])
+    begun = time.time()
+    run(python, "-m", "sphinx", "-W", "-q", "-d", folder / "trees", ROOT / "docs", folder / "site", cwd=ROOT)
+    pages = len(list((folder / "site").rglob("*.html")))
+    print(f"gallery   the site has {pages} pages and no warning, {time.time() - begun:.0f} s")
+    if SHORT_FORM not in sys.argv:
+        told = run(python, ROOT / "scripts" / "docs_gallery.py", "--check", cwd=folder)
+        print(f"gallery   {len(told.splitlines())} problems of docs/gallery.md solved to what it shows, with pictures")
 
 
 PARTS = {part.__name__: part for part in (wheel, install, licences, lowest, pythons, gallery)}

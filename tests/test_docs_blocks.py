@@ -178,3 +178,17 @@ def test_python_runs(
     exec(compile(block.text, block.page, "exec"), names)  # the text of our own documentation
     loop = names.get("loop") or names.get("filter")
     assert (tmp_path / "overview.png").exists() or loop is not None
+
+
+def test_the_gallery_shows_what_its_problems_expect() -> None:
+    sections = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    compared = 0
+    for part in sections:
+        name = part.split("\n", 1)[0]
+        assert (ROOT / "docs" / "figures" / "gallery" / f"{name}.png").exists()
+        expect = YAML(typ="safe").load(ROOT / "problems" / f"{name}.yaml").get("expect") or {}
+        shown = re.search(r"^    (?:cost|trace|objective) +([0-9.e+-]+)", part, re.M)
+        if "cost" in expect and shown:
+            assert float(shown[1]) == pytest.approx(expect["cost"], rel=max(1e-3, expect.get("tolerance", 0)))
+            compared += 1
+    assert len(sections) >= 8 and compared >= 5

@@ -23,7 +23,7 @@ def export(
         typer.Option(
             "--to",
             metavar="FORMAT",
-            help="csv, json, ..., flight, fmu",
+            help="csv, json, npz, mat, c, nc, matlab, flight or fmu.",
             show_default=False,
             autocompletion=complete_format,
         ),

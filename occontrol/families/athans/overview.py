@@ -98,7 +98,7 @@ def overview(problem: AthansProblem, solution: Solution, panels: Sequence[Panel]
     lines = [*_certificate_lines(solution), *further]
     if len(lines) > MOST_LINES:
         lines = [*lines[: MOST_LINES - 1], f"and {len(lines) - MOST_LINES + 1} more"]
-    small = len(lines) > 12  # the picture of convergence begins below
+    small = len(lines) > 13  # the picture of convergence begins below
     text.text(0, 0.94, "\n".join(lines), va="top", fontsize=9 if small else 11, linespacing=1.3 if small else 1.5)
     corner = figure.add_subplot(grid[2, 1])
     if convergence_panel(corner, solution.history, _target(problem), problem.logarithmic):
