@@ -19,7 +19,7 @@ def convert(
         typer.Option("--to", metavar="FAMILY", help="The family to convert to.", autocompletion=complete_family),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Where to write it [default: FILE's name with the family, .json].")
+        Path | None, typer.Option("--out", "-o", help="File to write [default: FILE's name with the family, .json].")
     ] = None,
     step: Annotated[float | None, typer.Option("--step", help="Time between readings, for a family in steps.")] = None,
     level: Annotated[float | None, typer.Option("--level", help="Energy of unknown inputs, for robust.")] = None,

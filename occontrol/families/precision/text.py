@@ -117,6 +117,8 @@ def _detectability(problem: Problem) -> list[tuple[str, str]]:
     if not (np.all(np.isfinite(transition)) and np.all(np.isfinite(rows))):
         return []
     growing = int(np.sum(np.abs(np.linalg.eigvals(transition)) >= 1 - 1e-9))
+    if not growing:
+        return [("detectability", f"all {problem.states} modes of the linearised batch decay, measured or not")]
     missed = len(undetectable_modes(transition, rows))
     text = f"{growing} of {problem.states} modes of the linearised batch do not decay, "
     return [("detectability", text + ("all of them are measured" if not missed else f"{missed} of them UNMEASURED"))]
