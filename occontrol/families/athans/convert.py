@@ -115,9 +115,9 @@ def as_uncertain(problem: SchedulingProblem, asked: Asked) -> tuple[PlainDict, l
 def _left_behind(problem: SchedulingProblem, family: str) -> list[str]:
     """Sentences on prices and the objective; UsageError for what would make it another problem."""
     if any(sensor.windows is not None for sensor in problem.sensors):
-        raise UsageError(f"family {family} has no windows, this problem has")
+        raise UsageError(f"family {family} has no windows, and this problem has some\n  hint: leave them out")
     if problem.ruled:
-        raise UsageError(f"family {family} has no rules and budgets, this problem has")
+        raise UsageError(f"family {family} has no rules and budgets, and this problem has some\n  hint: leave them out")
     remarks = []
     if any(np.any(s.cost.sample(problem.midpoints)) for s in problem.sensors if s.rows):
         remarks.append("the prices of the sensors are left behind")
