@@ -18,7 +18,9 @@ from occontrol.families.athans.targets.text import priced_by
 from occontrol.files.figures import style
 
 NAMED = 40  # targets up to which every row has its name
+FINE = 400  # rows that a timeline shows as they are
 WORST = 10
+SPREAD = 1e3  # largest price by the median of those that are not zero, beyond which the axis is logarithmic
 SHARES = (5, 50, 95)
 
 
@@ -104,6 +106,9 @@ def timeline(axes: Axes, problem: TargetsProblem, schedule: LookSchedule) -> Non
     full = np.zeros((T, len(edges) - 1))
     order = np.argsort(schedule.share, kind="stable")
     full[schedule.target[order], schedule.interval[order]] = schedule.resource[order] + 1
+    for _ in range(min(T // FINE, 8)):  # thick enough to be seen: into rows without a look
+        for here, there in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+            full[here] = np.where(full[here] == 0, full[there], full[here])
     shown = np.ma.masked_equal(full, 0)
     scale = Normalize(0.5, len(names) + 0.5)
     axes.pcolormesh(edges, np.arange(T + 1) - 0.5, shown, cmap=ListedColormap(colours), norm=scale, rasterized=True)
@@ -145,7 +150,8 @@ def _worst(axes: Axes, problem: TargetsProblem, solution: Solution) -> None:
     places = np.arange(len(worst))[::-1]
     axes.barh(places, costs[worst], color=style.ACCENT, alpha=0.85, height=0.7)
     for place, i in zip(places, worst, strict=True):
-        axes.text(float(costs[i]), float(place), f" {looks[i]:.4g} looks", va="center", fontsize=8)
+        text = f" {looks[i]:.4g} {'look' if looks[i] == 1 else 'looks'}"
+        axes.text(float(costs[i]), float(place), text, va="center", fontsize=8)
     names = style.labels([problem.target_names[i] for i in worst])
     axes.set_yticks(places, names, fontsize=8)
     axes.set_xlim(0, float(np.max(costs)) * 1.2 if np.max(costs) > 0 else 1.0)
@@ -162,7 +168,12 @@ def _prices(axes: Axes, problem: TargetsProblem, solution: Solution) -> None:
     for j, colour in zip(np.sort(shown), style.PALETTE, strict=False):
         axes.stairs(prices[:, j], problem.edges, color=colour, baseline=None, label=style.shorten(names[j]))
     axes.set_title(f"price of one more look, by {priced_by(solution)}")
-    axes.set_ylim(bottom=0)
+    positive, most = prices[prices > 0], float(np.max(prices, initial=0.0))
+    if len(positive) and most > SPREAD * float(np.median(positive)):
+        axes.set_yscale("log")
+        axes.set_ylim(most / SPREAD**2, 300 * most)  # room for the names
+    else:
+        axes.set_ylim(bottom=0)
     if len(names) > 1:
-        axes.legend(fontsize=8, frameon=False)
+        axes.legend(fontsize=8, frameon=False, ncols=3, loc="upper right")
     style.tidy_time_axis(axes, problem.edges[0], problem.edges[-1])

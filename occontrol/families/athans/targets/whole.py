@@ -171,7 +171,8 @@ def bound_whole(
     walk : whether a schedule is asked for
     """
     levels = levels_that_fit(filled)
-    if monitor.stop or not np.isfinite(relaxed.cost) or levels is None:
+    there = any(len(group.entry) for group in filled.groups)  # not where their lists were dropped for want of memory
+    if monitor.stop or not np.isfinite(relaxed.cost) or levels is None or not there:
         return None
     monitor.stage = "whole looks"
     effort = Effort(_rounds(filled, levels), levels=levels)

@@ -58,3 +58,22 @@ def test_weak_looks_keep_the_relaxed_bound(tmp_path: Path) -> None:
     bounds = solution.result["bounds"]
     assert bounds["integer"] >= bounds["relaxed"] * (1 - 1e-3)  # tangents stand behind both
     assert solution.result["lower_bound"] == max(bounds.values()) <= solution.cost
+
+
+def test_lists_dropped_for_want_of_memory_change_no_number(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Two sites: the same relaxation, a schedule whose cost is that of its judge, and no bound from less."""
+    from occontrol.families.athans.targets import solve
+
+    document = small(31)
+    problem, best = read(document, tmp_path), optimum(document)
+    assert len(document["resources"]) == 2
+    usual = oc.solve(problem)
+    monkeypatch.setattr(solve, "LEAN", 0)
+    lean = oc.solve(problem)
+    assert lean.result["bounds"]["relaxed"] == pytest.approx(usual.result["bounds"]["relaxed"], rel=1e-12)
+    assert lean.result["bounds"]["integer"] is None and not lean.result.get("changes")
+    assert lean.result["lower_bound"] <= best * (1 + 1e-12) <= lean.cost * (1 + 2e-12)
+    judged = oc.certify(problem, lean.schedule)
+    assert judged.cost == pytest.approx(lean.cost, rel=1e-12)
+    relaxed = oc.solve(problem, Relaxed())
+    assert relaxed.cost == pytest.approx(lean.result["relaxed_cost"], rel=1e-6)
