@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from occontrol.core.arrange import arrange
+from occontrol.core.errors import SolveFailed
 from occontrol.core.measurement import Estimate, Measurement
 from occontrol.core.schedule import Schedule
 from occontrol.core.trajectory import Trajectory
@@ -86,6 +87,7 @@ def simulate(problem: AthansProblem, schedule: Schedule, seed: int = 0) -> tuple
 
     Noise of a span is drawn from its covariance along the true path. A sensor that does not see the true state (its
     `visible` is not above 0) brings nothing: a lost reading. Returns the measurements, and the truth at every step.
+    Raises SolveFailed where the true state leaves the range of the numbers.
     """
     matched, luck = NonlinearFilter(problem, schedule), np.random.default_rng(seed)
     chain, flow = matched.chain, matched.chain.origin.plant.flow
@@ -99,13 +101,13 @@ def simulate(problem: AthansProblem, schedule: Schedule, seed: int = 0) -> tuple
         since = float(chain.since[k])
         if matched.averaging:
             end, _, Q = readout.integrated.across(np.append(x, np.zeros(m)), since, h, substeps)
-            end = end + square_root(Q, floor=0.0) @ shock
+            end = end + square_root(_finite(Q, time), floor=0.0) @ shock
             x, z = end[:n], end[n:] / h
         else:
             end, _, Q = flow.across(x, since, h, substeps)
-            x = end + square_root(Q, floor=0.0) @ shock[:n]
+            x = end + square_root(_finite(Q, time), floor=0.0) @ shock[:n]
             z = readout.values(x[None], float(time))[0]
-        states.append(x)
+        states.append(_finite(x, time))
         z = z + square_root(readout.covariance(x, float(time)), floor=0.0) @ noise
         z = np.where(readout.angles, np.mod(z + np.pi, 2 * np.pi) - np.pi, z)
         seen = readout.seen(x, float(time))
@@ -113,3 +115,10 @@ def simulate(problem: AthansProblem, schedule: Schedule, seed: int = 0) -> tuple
             if there:
                 measurements.append(Measurement(float(time), sensor.name, z[place]))
     return measurements, Trajectory(matched.edges, np.array(states))
+
+
+def _finite(found: np.ndarray, time: float) -> np.ndarray:
+    if not np.all(np.isfinite(found)):
+        hint = "another seed, or an initial covariance (sd of a parameter) that keeps to what the formulas can stand"
+        raise SolveFailed(f"the simulated state leaves the range of the numbers before t = {time:g}\n  hint: {hint}")
+    return found

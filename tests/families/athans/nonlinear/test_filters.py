@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from occontrol.api import online, run_filter, simulate, solve
+from occontrol.api import online, read_problem, run_filter, simulate, solve
+from occontrol.core.errors import SolveFailed
 from occontrol.families.athans.nonlinear.estimators import Extended, Unscented, triangle
 from occontrol.families.athans.nonlinear.online import NonlinearFilter
 from occontrol.families.athans.nonlinear.plant import FormulaPlant
@@ -220,3 +223,10 @@ def test_lost_readings_of_the_truth_are_not_simulated(tmp_path):
     planned = int(sum("camera" in entry["sensors"] for entry in solution.result["schedule"]))
     counts = [sum(m.sensor == "camera" for m in simulate(problem, solution, seed)[0]) for seed in range(8)]
     assert planned > 0 and min(counts) < planned
+
+
+def test_a_truth_that_leaves_the_numbers_is_said_with_its_time() -> None:
+    file = Path(__file__).resolve().parents[4] / "problems" / "compartment_ode.yaml"
+    solution = solve(read_problem(file))  # an almost flat prior: some rates are about -1000
+    with pytest.raises(SolveFailed, match="leaves the range of the numbers before t = "):
+        simulate(solution.problem, solution, 0)
