@@ -27,7 +27,6 @@ from pathlib import Path
 import numpy as np
 from instances import oscillators
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 import occontrol as oc
 from occontrol.core.monitor import Monitor
@@ -190,7 +189,7 @@ def drawn(results: list[dict]) -> Figure:
             ax.plot(h[:, 0], 100 * (h[:, 3] / last - 1), color=style.SECOND, label="bound")
             nodes = ax.secondary_xaxis("top", functions=_between(h[:, 0], h[:, 1]))
             nodes.tick_params(labelsize=7)
-            nodes.xaxis.set_major_locator(MaxNLocator(4, integer=True))
+            nodes.set_xticks([0, int(h[-1, 1])])
             ax.set_title(r["case"], fontsize=9, pad=16)
             ax.tick_params(labelsize=8)
             ax.grid(axis="y")
