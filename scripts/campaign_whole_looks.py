@@ -41,7 +41,7 @@ def main() -> None:
             r = solution.result
             filled, _ = resolved(problem, 1e-4, Monitor())
             task = relaxed_task(filled, 1e-4, 2000, Monitor())
-            whole = bound_whole(filled, task.sweep, task.relaxed, Monitor(), walk=False)
+            whole = bound_whole(filled, task.sweep, task.relaxed, np.nan, Monitor(), walk=False)
             assert whole is not None
             bounds = r["bounds"]["relaxed"], whole.bound, r["bounds"]["integer"], r["lower_bound"]
             rows.append([*(b / best for b in bounds), solution.cost / best])

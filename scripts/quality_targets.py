@@ -37,7 +37,7 @@ def row(arguments: tuple, folder: Path) -> str:
     filled, _ = resolved(problem, 1e-4, Monitor())
     task = relaxed_task(filled, 1e-4, 2000, Monitor())
     began = time.process_time()
-    whole = bound_whole(filled, task.sweep, task.relaxed, Monitor(), walk=False)
+    whole = bound_whole(filled, task.sweep, task.relaxed, np.nan, Monitor(), walk=False)
     bound_seconds = time.process_time() - began
     began = time.process_time()
     solution = oc.solve(problem)

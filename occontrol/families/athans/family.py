@@ -213,6 +213,9 @@ class AthansFamily(RateFamily):
         work: Work | None = None,
     ) -> ResultData:
         """Policies side by side on simulated runs; methods side by side where sensing is continuous."""
+        from occontrol.families.athans.scope import require_traces
+
+        require_traces(problem, "simulated runs in closed loop")
         if not problem.takes_readings:
             return super().monte_carlo(problem, solution, policies, runs, seed, monitor, work)
         from occontrol.families.athans.replanning.monte_carlo import compare

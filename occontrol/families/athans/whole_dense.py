@@ -16,8 +16,9 @@ from occontrol.core.monitor import Monitor
 from occontrol.families.athans.found import Found
 from occontrol.families.athans.integration.priced import judge_of
 from occontrol.families.athans.targets.fill import Looks, costs_by_target
-from occontrol.families.athans.targets.whole import ENOUGH, bound_whole
-from occontrol.scheduling.blocks.components import block_groups, components
+from occontrol.families.athans.targets.rounding_check import rounding
+from occontrol.families.athans.targets.whole import ENOUGH, bound_whole, by_tree
+from occontrol.scheduling.blocks.components import SPLIT, block_groups, components
 from occontrol.scheduling.blocks.lanes import BlockGroup
 from occontrol.scheduling.blocks.local_search import improve
 from occontrol.scheduling.blocks.resources import ResourceSet
@@ -162,7 +163,7 @@ def whole_dense(
     monitor : Monitor
     """
     cost = sweep.cost(weights)
-    if sweep.blocks is None or cost - relaxed.lower_bound <= ENOUGH * abs(cost):
+    if _in_one_piece(sweep) or cost - relaxed.lower_bound <= ENOUGH * abs(cost):
         return None
     filled = apart(sweep.recursion, allowed)
     if filled is None:
@@ -172,20 +173,33 @@ def whole_dense(
     gradient[filled.place[real], 0] = relaxed.gradient[real]
     lanes = BlockSweep(filled.groups, filled.steps, filled.charges, looks.price[:, None])
     known = replace(relaxed, weights=filled.listed(relaxed.weights), gradient=gradient)
-    whole = bound_whole(filled, lanes, known, monitor, walk=True)
+    whole = bound_whole(filled, lanes, known, cost, monitor, walk=True)
     if whole is None:
         return None
-    best = weights
+    best, idle = weights, np.all(~real, axis=0)
+
+    def better(listed: np.ndarray) -> np.ndarray:
+        other = filled.policy(listed, allowed.upper, idle) if isinstance(allowed, IntervalPolytopes) else None
+        return best if other is None or sweep.cost(other) >= sweep.cost(best) else other
+
     if whole.weights is not None and not monitor.stop:
         data = singles(filled.groups, filled.owners, filled.targets, filled.steps, filled.charges)
         work = min(SEARCH, SEARCH_PER_LOOK * filled.allowed.shape[0] * filled.substeps)
         for start in (whole.weights, filled.listed(weights)):
             x, _ = improve(start, filled.allowed, looks.target, looks.resource, looks.price, data, work, monitor)
-            idle = np.all(~real, axis=0)
-            other = filled.policy(x, allowed.upper, idle) if isinstance(allowed, IntervalPolytopes) else None
-            if other is not None and sweep.cost(other) < sweep.cost(best):
-                best = other
-    return whole.bound, best
+            best = better(x)
+    closed = by_tree(filled, lanes, known, whole, filled.listed(best), monitor)
+    if closed.weights is not None:
+        best = better(closed.weights)
+    at = filled.listed(best)
+    value, slope = lanes.cost_and_gradient(at)
+    doubt = rounding(filled, lanes, at, value, slope)[0] / abs(value) if value else 0.0
+    return max(whole.lowered(doubt), closed.lowered(doubt)), best
+
+
+def _in_one_piece(sweep: Sweep) -> bool:
+    """Whether it is known already that no states stand apart from others; of few states it is not looked at before."""
+    return sweep.blocks is None and sweep.recursion.states >= SPLIT
 
 
 def with_whole_looks(found: Found, sweep: Sweep, allowed: FeasibleSet, monitor: Monitor) -> None:
@@ -199,7 +213,7 @@ def with_whole_looks(found: Found, sweep: Sweep, allowed: FeasibleSet, monitor: 
     monitor : Monitor
     """
     relaxed = found.relaxed
-    if relaxed is None or monitor.stop or sweep.blocks is None or judge_of(sweep) is not sweep:
+    if relaxed is None or monitor.stop or _in_one_piece(sweep) or judge_of(sweep) is not sweep:
         return
     more = whole_dense(sweep, allowed, relaxed, found.weights, monitor)
     if more is not None:

@@ -98,7 +98,8 @@ def test_a_method_of_another_family_is_refused(foreign):
 
 
 def test_what_the_family_declares_it_can_and_the_rest_it_refuses():
-    assert FAMILY.abilities == {Ability.SIMULATE, Ability.FILTER, Ability.COMPARE, Ability.MONTE_CARLO}
+    can = {Ability.SIMULATE, Ability.FILTER, Ability.COMPARE, Ability.MONTE_CARLO, Ability.CLOSED_LOOP}
+    assert can == FAMILY.abilities
     for attempt, words in (
         (lambda: FAMILY.certify(make(), None), "certify schedules"),
         (lambda: FAMILY.online(make()), "run on line"),

@@ -137,9 +137,7 @@ def test_a_method_of_another_family_is_refused(foreign):
 
 
 def test_what_the_family_declares_it_can_and_the_rest_it_refuses():
-    assert FAMILY.abilities == set(Ability) - {
-        Ability.TRADEOFF, Ability.MONTE_CARLO, Ability.SENSITIVITY, Ability.CLOSED_LOOP,
-    }  # fmt: skip
+    assert FAMILY.abilities == set(Ability) - {Ability.TRADEOFF, Ability.MONTE_CARLO, Ability.SENSITIVITY}
     with pytest.raises(UsageError, match="family vlambda cannot trade observation cost against prediction error"):
         FAMILY.tradeoff(make(), [1.0], None)
 

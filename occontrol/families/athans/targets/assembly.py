@@ -25,8 +25,6 @@ SAFETY = 5.0  # discretisation errors by which the check in continuous time may 
 RELATIVE = 1e-6
 SMALLEST = 1e-12
 MOST_HALVED = 3e7  # blocks times steps
-OF_WHOLE = 2.0  # times the relative doubt about the cost, of the numbers that the bound on whole looks is made of
-WHOLE_ALLOWANCE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -187,7 +185,7 @@ def _of_whole_looks(task: Task, weights: np.ndarray, doubt: float) -> float | No
     """The bound on whole looks, lowered by what rounding may have done; None where weights (E, 1) share looks out."""
     if task.whole is None or np.any(np.abs(weights - np.round(weights)) > SMALLEST):
         return None
-    return task.whole.bound - max(OF_WHOLE * doubt, WHOLE_ALLOWANCE) * task.whole.size
+    return task.whole.lowered(doubt)
 
 
 def _prices(problem: TargetsProblem, f: Filled, gradient: np.ndarray, task: Task, whole: bool) -> np.ndarray:

@@ -42,7 +42,7 @@ def certify(problem: TargetsProblem, schedule: Schedule, claims: Claims | None =
     task = relaxed_task(filled, gap, STEPS_FOR_BOUND, monitor)
     whole = bool(np.all(weights == np.round(weights)))
     if whole and not near(task, weights):
-        task.whole = bound_whole(filled, task.sweep, task.relaxed, monitor, walk=False)
+        task.whole = bound_whole(filled, task.sweep, task.relaxed, task.sweep.cost(weights), monitor, walk=False)
         if task.whole is not None:
             task.whole = by_tree(filled, task.sweep, task.relaxed, task.whole, weights, monitor)
     solution = assemble(problem, "certify", task, weights, error, gap, began)

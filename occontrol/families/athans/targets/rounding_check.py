@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from occontrol.families.athans.targets.fill import Filled
+from occontrol.families.athans.targets.whole import Listed
 from occontrol.scheduling.blocks.lanes import BlockGroup, Lanes, uses_of
 from occontrol.scheduling.blocks.sweep import BlockSweep
 from occontrol.scheduling.certified import FACTOR, ULP, Roots, square_root_pass
@@ -19,7 +19,7 @@ CHECKED = 24  # blocks of each size
 
 
 def rounding(
-    filled: Filled, sweep: BlockSweep, weights: np.ndarray, cost: float, gradient: np.ndarray
+    filled: Listed, sweep: BlockSweep, weights: np.ndarray, cost: float, gradient: np.ndarray
 ) -> tuple[float, float]:
     """Allowances for the cost of a policy and for its bound, in cost units.
 
@@ -77,7 +77,7 @@ def _chosen(group: BlockGroup) -> np.ndarray:
 
 
 def one_block(
-    lanes: Lanes, b: int, filled: Filled, weights: np.ndarray
+    lanes: Lanes, b: int, filled: Listed, weights: np.ndarray
 ) -> tuple[np.ndarray, Recursion, np.ndarray]:
     """One block as a Recursion of its own, for code that knows no lanes.
 

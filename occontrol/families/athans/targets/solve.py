@@ -164,7 +164,7 @@ def _searched(task: Task, method: RelaxRoundPolish) -> np.ndarray:
     best = _improved(task, method)
     if near(task, best):
         return best
-    task.whole = bound_whole(f, task.sweep, task.relaxed, monitor, walk=True)
+    task.whole = bound_whole(f, task.sweep, task.relaxed, task.sweep.cost(best), monitor, walk=True)
     if task.whole is None:
         return best
     if task.whole.weights is not None:

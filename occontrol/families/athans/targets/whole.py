@@ -31,6 +31,8 @@ ROUNDS = 12, 60
 ENOUGH = 5e-3  # relative gap to the relaxed bound, up to which nothing more is asked
 CLOSED = 1e-9  # relative gap that is none
 NODES = 3_000_000
+OF_WHOLE = 2.0  # times the relative doubt about a cost, of the numbers that a bound is the difference of
+WHOLE_ALLOWANCE = 1e-12  # of the same, at least
 
 
 class Listed(Protocol):
@@ -127,6 +129,15 @@ class Whole:
     nodes: int | None = None
     proven: bool = False
 
+    def lowered(self, doubt: float) -> float:
+        """The bound less what rounding may have done to it.
+
+        Parameters
+        ----------
+        doubt : relative, about a cost (rounding_check.py)
+        """
+        return self.bound - max(OF_WHOLE * doubt, WHOLE_ALLOWANCE) * self.size
+
 
 def levels_that_fit(filled: Listed) -> int | None:
     """How many levels beside the floor fit in memory with the tables of all targets; None where nothing fits.
@@ -158,7 +169,7 @@ def _rounds(filled: Listed, levels: int) -> int:
 
 
 def bound_whole(
-    filled: Listed, sweep: BlockSweep, relaxed: RelaxedOutcome, monitor: Monitor, walk: bool
+    filled: Listed, sweep: BlockSweep, relaxed: RelaxedOutcome, best: float, monitor: Monitor, walk: bool
 ) -> Whole | None:
     """The bound on whole looks, and with `walk` the schedule of the price index; None where it would take too much.
 
@@ -167,6 +178,7 @@ def bound_whole(
     filled : the problem
     sweep : over its blocks
     relaxed : its relaxation
+    best : cost of the best schedule that is known, to be shown
     monitor : Monitor
     walk : whether a schedule is asked for
     """
@@ -180,7 +192,7 @@ def bound_whole(
     start = relaxed_prices(relaxed.gradient, filled.allowed)
 
     def stop(found: Found) -> bool:
-        monitor.report(found.rounds, relaxed.cost, found.bound, stage="whole looks")
+        monitor.report(found.rounds, best, found.bound, stage="whole looks")
         return monitor.stop
 
     found = ready.bound(start, stop)
