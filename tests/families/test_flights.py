@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import occontrol as oc
 from occontrol.core.errors import UsageError
 from occontrol.core.monitor import Monitor
 from occontrol.families import flights
 from occontrol.families.abilities import Ability
+from occontrol.families.athans.replanning.continuous import charged
 
 PROBLEMS = Path(__file__).resolve().parents[2] / "problems"
 RATE = """\
@@ -117,3 +119,13 @@ def test_what_is_known_exactly_and_other_units_do_not_matter() -> None:
     P[:, 2], P[:, :, 2] = 0.0, 0.0
     expected = [x[:2] @ np.linalg.solve(S[:2, :2], x[:2]) for x, S in zip(e, P, strict=True)]
     assert flights.normalised(e, P) == pytest.approx(expected, rel=1e-9)
+
+
+def test_an_error_is_charged_as_the_objective_charges_it(rate: Path) -> None:
+    problem = oc.read_problem(rate)
+    error = np.random.default_rng(1).standard_normal((len(problem.edges), 2))
+    A, D, R = np.array([[-0.3, 1.0], [0.0, -0.1]]), np.array([1.0, 0.5]), np.array([0.5, 0.2])
+    ahead = D @ expm(A * 0.5) @ error[-1]  # predict_at lies half a unit behind the end
+    along = np.sum(R * error**2, axis=1)
+    expected = ahead**2 + np.sum((along[1:] + along[:-1]) / 2) * 0.1
+    assert charged(problem, error, problem.edges) == pytest.approx(expected, rel=1e-9)

@@ -55,9 +55,10 @@ def test_the_graph_of_gaps_bounds_every_cycle_of_a_target_from_below(seed: int) 
 
 
 @pytest.mark.parametrize("deep", [False, True])
-def test_the_least_ratio_is_that_of_a_linear_programme(deep: bool) -> None:
+@pytest.mark.parametrize("prices", [(0.4, 1.1), (40.0, 60.0)])
+def test_the_least_ratio_is_that_of_a_linear_programme(deep: bool, prices: tuple[float, float]) -> None:
     _, scaled = target(3, 2, looks=2)
-    most, price = 4, np.array([0.4, 1.1])
+    most, price = 4, np.array(prices)
     costs, last, further = gap_graph(*scaled.arrays, most, deep)
     nodes, M = costs.shape
     rows, sides = [], []
