@@ -55,5 +55,7 @@ def _differences(axes: Axes, rows: list[dict], judged: str) -> None:
     size = max((abs(mean) + 2 * error for _, mean, error in shown), default=1.0)
     if shown and size > 50 * min(abs(mean) + 2 * error for _, mean, error in shown):
         axes.set_xscale("symlog", linthresh=size / 100)
+    else:
+        axes.locator_params(axis="x", nbins=5)  # signs and digits need room
     axes.set_xlabel(f"difference in {judged} to the nominal plan, paired")
     axes.grid(axis="x")
